@@ -29,8 +29,10 @@ test: $(TESTS_READY)
 	@$(MAKE) --no-print-directory --jobs 2 lint kernels
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m 'not long'
 
+# the longest files first: begun last, they would be waited for
 test-long: $(TESTS_READY)
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m long $$(grep -rl --include='test_*.py' mark.long test)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m long test/test_docs_*.py test/test_wings.py \
+	  $$(grep -rl --include='test_*.py' mark.long test | sort)
 
 lint: $(TESTS_READY)
 	$(BIN)/ruff format --check

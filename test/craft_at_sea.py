@@ -57,6 +57,8 @@ def scale_for(model, moments, std, interval):
     for _ in range(6):
         angle, _ = driven(model, scale * moments[:6001], interval)
         found = angle[400:].std()
+        if abs(found - std) < 1e-3 * std:
+            break
         scale *= std / found if np.isfinite(found) and np.abs(angle).max() < 0.5 else 0.5
     return scale
 

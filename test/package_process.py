@@ -6,7 +6,8 @@ import sys
 import time
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from repository import ROOT
+
 PATIENCE = 240.0
 """s, which only failing takes: beside eight busy processes a fit, which yields to all others, may take minutes."""
 

@@ -1,16 +1,14 @@
 """The benchmarks: tables as the code gives them, no row that looks ahead, and an oracle that is one."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter
+from repository import ROOT
 from scipy.linalg import companion
 
 from swath_sysid.attitude.motion.trial import Trial
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture

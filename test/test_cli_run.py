@@ -179,14 +179,10 @@ def started(*arguments):
     ('words', 'number', 'after'),
     [
         ('identify missing.csv --inertia -1', signal.SIGINT, 0.02),
-        ('identify missing.csv --inertia -1', signal.SIGINT, 0.3),
         ('identify missing.csv --inertia -1', signal.SIGINT, 1.0),
-        ('identify missing.csv --inertia -1', signal.SIGTERM, 0.1),
         ('identify missing.csv --inertia -1', signal.SIGTERM, 0.6),
-        ('run --only predictor --ros-args -r __ns:=/early', signal.SIGINT, 0.02),
         ('run --only predictor --ros-args -r __ns:=/early', signal.SIGINT, 0.8),
         ('run --namespace early', signal.SIGTERM, 0.02),
-        ('run --namespace early', signal.SIGTERM, 0.3),
     ],
 )
 def test_a_tool_interrupted_at_its_start_ends_with_130_and_nodes_with_0(words, number, after, monkeypatch, tmp_path):

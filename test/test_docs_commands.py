@@ -86,7 +86,6 @@ def blocks_run(page):
 PAGES_RUN = [page for page in PAGES if blocks_run(page) and page != 'README.md' and not is_of_an_absent_wing(page)]
 #: guides that begin with no file from another page: test_docs_guides.py runs them in another process
 GUIDES = [page for page in PAGES_RUN if page.startswith('docs/howto/') and page not in NEEDS]
-QUICK = ('docs/howto/identify.md', 'docs/howto/waves.md')
 
 
 @functools.cache
@@ -185,9 +184,9 @@ def running(pages):
     """A test that carries out these pages, each a case of its own."""
 
     @pytest.mark.dds
-    @pytest.mark.slow
+    @pytest.mark.long
     @pytest.mark.timeout(3.0 * PATIENCE)
-    @pytest.mark.parametrize('page', [p if p in QUICK else pytest.param(p, marks=pytest.mark.long) for p in pages])
+    @pytest.mark.parametrize('page', pages)
     def run(page, tmp_path_factory):
         if any(block.manner == 'stays' for block in blocks_run(page)):
             pytest.importorskip('rclpy')
@@ -198,7 +197,7 @@ def running(pages):
     return run
 
 
-test_the_commands_of_a_page_run = running(page for page in PAGES_RUN if page not in GUIDES)
+test_the_commands_of_a_page_run = running([page for page in PAGES_RUN if page not in GUIDES])
 
 
 def test_the_commands_of_the_readme_are_run_by_other_pages():

@@ -1,4 +1,4 @@
-"""The guides that begin with no file from another page; all but two are marked ``pytest.mark.long``.
+"""The guides that begin with no file from another page.
 
 A file is what the processes of a test run share out: these pages run beside those of test_docs_commands.py.
 """

@@ -215,14 +215,11 @@ def test_what_is_whole_of_a_cut_off_mcap_is_read(tmp_path):
     assert np.allclose(trial.roll, ROLL[: trial.time.size])
 
 
-def test_a_broken_chunk_in_a_folder_costs_what_follows(tmp_path):
+def test_a_broken_chunk_in_a_folder_costs_what_follows_and_a_lost_part_of_a_split_bag_itself(tmp_path):
     write_imu_bag(tmp_path / 'trial', Trial(time=0.001 * np.arange(8000), roll=0.1 * np.sin(np.arange(8000) / 500)))
     break_a_chunk(tmp_path / 'trial')
     trial = read_bag(tmp_path / 'trial')
     assert trial.time.size > 500 and codes(trial)[0] == 'damaged-bag'
-
-
-def test_split_bag_with_a_lost_part(tmp_path):
     folder = tmp_path / 'bag'
     folder.mkdir()
     for part, keep in enumerate((range(100), range(100, 200))):

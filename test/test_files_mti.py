@@ -53,15 +53,12 @@ def test_counter_uses_the_update_rate(tmp_path, line):
     assert np.allclose(trial.time, 2 * TIME)
 
 
-def test_counters_wrap(tmp_path):
+def test_counters_wrap_and_lost_packets_are_gaps(tmp_path):
     counter = {'PacketCounter': (65536 - 20 + np.arange(COUNT)) % 65536}
     assert np.allclose(read_mti(export(tmp_path, {**counter, **EULER})).time, TIME)
     ticks = {'SampleTimeFine': (2**32 - 3000 + 100 * np.arange(COUNT)) % 2**32}
     trial = read_mti(export(tmp_path, {**counter, **ticks, **EULER}))
     assert np.allclose(trial.time, TIME) and trial.advice == ()
-
-
-def test_lost_packets_are_gaps(tmp_path):
     counter = COUNTER['PacketCounter'].copy()
     counter[30:] += 7
     trial = read_mti(export(tmp_path, {'PacketCounter': counter, **EULER}))

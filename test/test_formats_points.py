@@ -105,13 +105,9 @@ NO_PLACE = 'the point {} has no position: '
 ADD = 'add the parameter points.{} (m forward, to port and up from the sensor), as in [2.5, 0.0, 0.0]'
 POINTS_AND_POSITIONS = [
     ('points: [bow]', NO_PLACE.format('bow') + ADD.format('bow')),
-    (
-        'points: [bow], points.bwo: [1.0, 0.0, 0.0]',
-        NO_PLACE.format('bow') + 'points.bwo is given; did you mean points.bow?',
-    ),
-    (
-        'points: [bow], points.BOW: [1.0, 0.0, 0.0]',
-        NO_PLACE.format('bow') + 'points.BOW is given; did you mean points.bow?',
+    *(
+        (f'points: [bow], points.{name}: [1.0, 0.0, 0.0]', f'points.{name} is given; did you mean points.bow?')
+        for name in ('bwo', 'BOW')
     ),
     (f'points: [bow, stern], {BOW}', NO_PLACE.format('stern') + ADD.format('stern')),
     (f'points: [mast], {BOW}', NO_PLACE.format('mast') + ADD.format('mast')),

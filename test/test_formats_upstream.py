@@ -102,7 +102,7 @@ def test_topics_are_read_by_header_stamps_or_by_arrival(bag, tmp_path, capsys):
     assert main(words) == 0 and output.exists()
 
 
-def test_the_fields_and_types_of_messages():
+def test_the_fields_and_types_of_messages_and_an_imu_without_orientation_is_lost():
     with pytest.raises(InputError, match="'a:y' is no upstream channel"):
         channels_of('a:y', FLOAT)
     turned = tuple(float(part) for part in quaternion(0.2, -0.1, 1.0))
@@ -113,9 +113,6 @@ def test_the_fields_and_types_of_messages():
     assert [kind_of(f'a:{field}', []) for field in ('data', 'range', 'x', 'pitch')] == [FLOAT, RANGE, POINT, IMU]
     with pytest.raises(InputError, match='no type has a field depth: choose of data, range'):
         kind_of('a:depth', [])
-
-
-def test_an_imu_without_orientation_is_lost():
     vector, nine = (0.0, 0.0, 9.8), np.zeros(9)
     for unknown, turned in ((-1.0, (0.0, 0.0, 0.0, 1.0)), (0.0, (np.nan, 0.0, 0.0, 1.0))):
         imu = make(IMU, header(1, ''), turned, np.array([unknown, *nine[1:]]), vector, nine, vector, nine)

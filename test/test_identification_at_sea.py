@@ -200,8 +200,9 @@ def test_calm_before_the_waves_is_left_out(linear_motion):
 
 @pytest.mark.long
 def test_a_refit_on_waves_believes_what_is_better(linear_motion):
-    refitter = Refitter(ROLL_ONLY)
-    first = refit(refitter.request(table(linear_motion), source={'topic': 'here'}))
+    refitter, shares = Refitter(ROLL_ONLY), []
+    first = refit(refitter.request(table(linear_motion), source={'topic': 'here'}), progress=shares.append)
+    assert len(shares) > 4 and shares == sorted(shares) and shares[-1] == 1.0
     assert refitter.take(first) and is_at_sea(refitter.models['roll'])
     assert 'at sea, equivalent linear at 3' in first.message and '\n' not in first.message
     again = refit(refitter.request(table(measured(known_sea(LINEAR, [9], 1.2, np.radians(2.0), 300.0)))))
@@ -305,18 +306,22 @@ def turned():
     return [turned_sea(ratios, seed) for ratios, seed in (((1.4, 1.2), 31), ((1.6, 1.3), 33), ((0.8, 0.95), 35))]
 
 
-def test_a_hull_is_found_in_seas_from_two_headings(turned):
-    for sea in turned:
-        found, (period, damping) = identify_at_sea(measured(sea)), equivalent(sea)
+@pytest.fixture(scope='module')
+def alone(turned):
+    """What each of these seas tells by itself."""
+    return [identify_at_sea(measured(sea)) for sea in turned]
+
+
+def test_a_hull_is_found_in_seas_from_two_headings(turned, alone):
+    for found, (period, damping) in zip(alone, map(equivalent, turned), strict=True):
         assert found.is_usable and found.natural_period == pytest.approx(period, rel=0.03)
         assert abs(found.natural_period - period) < 2.5 * found.natural_period_std
         assert abs(found.damping_ratio - damping) < 2.5 * found.damping_ratio_std
 
 
-def test_several_records_know_the_hull_better_than_one(turned, tmp_path):
-    motions = [measured(sea) for sea in turned]
-    alone = [identify_at_sea(motion) for motion in motions]
-    found = identify_at_sea(motions)
+@pytest.mark.long
+def test_several_records_know_the_hull_better_than_one(turned, alone, tmp_path):
+    found = identify_at_sea([measured(sea) for sea in turned])
     assert found.natural_period_std < 0.75 * np.mean([each.natural_period_std for each in alone])
     assert abs(found.natural_period - np.mean([equivalent(sea)[0] for sea in turned])) < 2.5 * found.natural_period_std
     assert len(found.motions) == 3 and len(found.spectra) == 6
@@ -361,7 +366,7 @@ def watched(model, *motions):
     return watch
 
 
-@pytest.mark.parametrize('slower, damped', [(1.0, 1.0), (1.13, 1.0), (0.87, 1.0), (1.0, 0.5), (1.0, 2.0)])
+@pytest.mark.parametrize('slower, damped', [(1.0, 1.0), (1.13, 1.0), (0.87, 1.0), (1.0, 2.0)])
 def test_a_changed_hull_is_told_and_no_other(turned, slower, damped):
     motion, (period, damping) = measured(turned[0]), equivalent(turned[0])
     motion = replace(motion, time=motion.time * slower, rate=motion.rate / slower)
@@ -405,23 +410,19 @@ def test_a_change_is_told_once_it_is_beyond_what_changing_seas_deceive_by():
     assert after(*[(False, 0.4, 0.1)] * 2, (True, 0.05, 0.0)) == []
 
 
-@pytest.mark.parametrize('change', [0.13, pytest.param(0.0, marks=pytest.mark.long)])
-def test_the_status_reports_a_changed_stiffness_within_minutes(change):
+@pytest.mark.long
+def test_the_status_reports_a_changed_stiffness_within_minutes():
     motion, faster = measured(known_sea(LINEAR, [3], 1.3, np.radians(3.0), 240.0)), 2.5
     trial = Trial(motion.time / faster, roll=motion.angle, roll_rate=motion.rate * faster, pitch=0.0 * motion.time)
-    damping, frequency = 0.5 * faster, LINEAR.natural_frequency * faster * (1.0 + change)
+    damping, frequency = 0.5 * faster, LINEAR.natural_frequency * faster * 1.13
     pipeline = ForecastPipeline()
     pipeline.set_models({'roll': IdentifiedModel.exactly(DecayModel.of(b1=damping, r1=frequency**2, axis='roll'))})
     for sample in samples_of(trial.between(None, trial.time[0] + 95.0)):
         step = pipeline.add_sample(sample)
         if step.sea_request is not None:
             pipeline.install(fit_sea(step.sea_request))
-    report = {each.name: each for each in PredictorHealth('imu', pipeline).reports(95.0, pipeline.newest_ns)}[
-        'forecast'
-    ]
-    assert ('hull-changed' in report.codes) == (change > 0.0)
-    if change:
-        assert report.level == WARN and 'less stiffness' in report.message
+    (report,) = (r for r in PredictorHealth('imu', pipeline).reports(95.0, pipeline.newest_ns) if r.name == 'forecast')
+    assert 'hull-changed' in report.codes and report.level == WARN and 'less stiffness' in report.message
 
 
 def test_a_release_is_the_prior_of_a_short_record(turned):

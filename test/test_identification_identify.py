@@ -4,10 +4,10 @@ import json
 import re
 import runpy
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import ROOT
 from scipy.integrate import quad
 from scipy.signal import lfilter
 from scipy.stats import multivariate_normal, norm
@@ -131,8 +131,9 @@ def test_every_search_and_seed_ends_in_the_same_minimum(search, plain):
     assert other.model.ratios == pytest.approx(plain.model.ratios, rel=1e-3, abs=1e-3)
 
 
-@pytest.mark.parametrize('scale', [1.0, 0.1])
-@pytest.mark.parametrize(('late', 'share'), [('angle', 0.04), ('rate', 0.04), ('angle', 0.01), ('rate', 0.0)])
+@pytest.mark.parametrize(
+    ('late', 'share', 'scale'), [('angle', 0.04, 1.0), ('rate', 0.04, 0.1), ('angle', 0.01, 0.1), ('rate', 0.0, 1.0)]
+)
 def test_a_channel_that_comes_late_is_moved_and_told_of(late, share, scale, tmp_path, capsys):
     hull = DecayModel.of(b1=0.3 / scale, b2=1.0, r1=9.0 / scale**2, axis='roll')
     trial = simulated_trial(
@@ -150,7 +151,7 @@ def test_a_channel_that_comes_late_is_moved_and_told_of(late, share, scale, tmp_
     assert found['natural_period_s'] == pytest.approx(hull.natural_period, rel=0.003)
 
 
-@pytest.mark.parametrize(('scale', 'sign'), [(1.0, 1.0), (0.1, -1.0), (10.0, 1.0)])
+@pytest.mark.parametrize(('scale', 'sign'), [(0.1, -1.0), (10.0, 1.0)])
 def test_an_angle_that_a_first_order_filter_delays_is_unfiltered(scale, sign):
     hull = DecayModel.of(b1=0.3 / scale, b2=1.0, r1=9.0 / scale**2, axis='roll')
     noise = SensorNoise(5e-4, 5e-4 / scale)
@@ -239,7 +240,7 @@ def test_a_doubtful_equation_is_not_chosen_while_another_is_adequate():
 def test_comparison_chooses_the_simplest_adequate_equation():
     true = HULL.from_terms(EQUATIONS['swath-pitch-6'], {'b1': 0.6, 'r1': 10.0, 'r2': 25.0})
     problem = prepare([decay(model=true, noise=SensorNoise(3e-4, 0.004))])
-    found = compare(problem, [equation for name, equation in EQUATIONS.items() if name.startswith('swath-pitch')])
+    found = compare(problem, [EQUATIONS[f'swath-pitch-{number}'] for number in (3, 5, 6, 8, 9)])
     assert found.choice.name == 'swath-pitch-6'
     assert 'swath-pitch-6' in found.reason
     criteria = [r.criterion for r in found.ranked]
@@ -425,7 +426,6 @@ def test_published_equations_alike():
     assert published_alike(composed(('b1', 'b2', 'b3', 'r1', 'r3')), 'roll') == ()
 
 
-ROOT = Path(__file__).resolve().parents[1]
 TRUE = simulated_trial(hull_named('swath-pitch').model, np.radians(6.0), 15.0, 50.0, SensorNoise(), 1, 1.0)
 
 
@@ -445,17 +445,6 @@ def test_a_wrong_rate_is_told_of_few_samples_too(rate_of):
         [replace(motion, rate=rate_of(motion.rate))], IdentificationSettings('linear', start=0.0, end=3.7)
     ).verdict
     assert (verdict.level, verdict.code) == (REJECTED, 'angle-against-rate')
-
-
-def test_rates_that_contradict_the_angle_are_no_noise(tmp_path, capsys):
-    faulty = replace(TRUE, pitch_rate=-TRUE.pitch_rate)
-    verdict = identify([faulty.axis('pitch')], IdentificationSettings('swath-pitch-2')).verdict
-    assert (verdict.level, verdict.code) == (REJECTED, 'angle-against-rate')
-    # and a record that contradicts itself is not fitted to begin with, whatever is forced
-    path, model = tmp_path / 'a.csv', tmp_path / 'm.yaml'
-    write_csv(path, faulty)
-    assert main(['identify', str(path), '--axis', 'pitch', '--output', str(model), '--force']) == 2
-    assert 'with the opposite sign' in capsys.readouterr().err and not model.exists()
 
 
 @pytest.mark.parametrize('verb', [['identify', '--equation'], ['compare', '--jobs', '1', '--equations']])
@@ -579,50 +568,31 @@ def test_what_the_record_leaves_open_makes_the_verdict(found, scale, level):
     assert not np.isnan(scale) or verdict.metrics['motion_error'] is None
 
 
+RELEASED = 'release, to either side, should be forecast to within'
+FROM_ONE_SIDE = 'release from a positive angle should be forecast to within 3.6% of its motion (15%'
+NEGATIVE = 'one from a negative angle may be wrong by 60% of its motion: release the craft from that side too'
+VANISHES = 'vanishes at about -11.5 deg: release the craft from a negative angle too, smaller than that'
+
+
 @pytest.mark.parametrize(
-    ('other_side', 'asymmetry', 'error', 'words'),
+    ('other_side', 'asymmetry', 'errors', 'words'),
     [
-        (0.05, 0.0, np.hypot(0.05, 0.03), 'release, to either side, should be forecast to within 5.8% of its motion;'),
-        (
-            0.02,
-            0.05,
-            np.hypot(0.03, np.hypot(0.02, 0.05)),
-            'release, to either side, should be forecast to within 6.2%',
-        ),
-        (
-            0.15,
-            0.0,
-            np.hypot(0.02, 0.03),
-            'release from a positive angle should be forecast to within 3.6% of its motion (15%',
-        ),
-        (
-            0.02,
-            0.5,
-            np.hypot(0.02, 0.03),
-            'of its motion (a negative one is unseen);',
-        ),
-        (
-            0.6,
-            0.0,
-            np.hypot(0.02, 0.03),
-            'one from a negative angle may be wrong by 60% of its motion: release the craft from that side too',
-        ),
-        (
-            np.inf,
-            0.0,
-            np.hypot(0.02, 0.03),
-            'vanishes at about -11.5 deg: release the craft from a negative angle too, smaller than that',
-        ),
+        (0.05, 0.0, (0.05, 0.03), f'{RELEASED} 5.8% of its motion;'),
+        (0.02, 0.05, (0.03, np.hypot(0.02, 0.05)), f'{RELEASED} 6.2%'),
+        (0.15, 0.0, (0.02, 0.03), FROM_ONE_SIDE),
+        (0.02, 0.5, (0.02, 0.03), 'of its motion (a negative one is unseen);'),
+        (0.6, 0.0, (0.02, 0.03), NEGATIVE),
+        (np.inf, 0.0, (0.02, 0.03), VANISHES),
     ],
 )
-def test_the_verdict_says_to_which_side_its_error_holds(found, monkeypatch, other_side, asymmetry, error, words):
+def test_the_verdict_says_to_which_side_its_error_holds(found, monkeypatch, other_side, asymmetry, errors, words):
     monkeypatch.setattr(fit_quality, 'unseen_asymmetry', lambda fit: asymmetry)
     monkeypatch.setattr(fit_quality, 'posterior_errors', lambda fit: (0.02, other_side))
     monkeypatch.setattr(fit_quality, 'unexplained_share', lambda fit, quantity: 0.0)
     vanishing = -0.2 - found.model.trim if np.isinf(other_side) else np.nan
     monkeypatch.setattr(fit_quality, 'vanishing_angle', lambda model, side: vanishing)
     verdict = replace(found).verdict
-    assert words in verdict.sentence and verdict.motion_error == pytest.approx(error)
+    assert words in verdict.sentence and verdict.motion_error == pytest.approx(np.hypot(*errors))
     assert verdict.level == (DOUBTFUL if other_side > 0.5 else ADEQUATE)
 
 

@@ -7,8 +7,8 @@ import sysconfig
 from pathlib import Path
 
 import pytest
+from repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 NOT_COPIED = shutil.ignore_patterns('.*', 'build', 'docs', 'install', 'log', 'out', 'test', '__pycache__', '*.egg-info')
 
 
@@ -52,7 +52,7 @@ def test_any_order_of_installing_works_also_over_the_caches_of_an_earlier_versio
     source = str(editable)
 
     def orders():
-        for extra in ('', '[fast]', ''):
+        for extra in ('', '[fast]'):
             environment.install(f'{source}{extra}')
             assert environment.place() == plain
             environment.install('--editable', f'{source}{extra}')

@@ -5,13 +5,12 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from repository import ROOT
 
 from swath_sysid.common.wings import wings
 
-ROOT = Path(__file__).resolve().parents[1]
 HEAVY = {'filterpy', 'matplotlib', 'numba', 'rich', 'rosbags', 'scipy.signal', 'scipy.stats'}
 
 
@@ -54,6 +53,7 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
     assert loaded_by(module) & (HEAVY | {'scipy.optimize'}) == set()
 
 
+@pytest.mark.long
 def test_filterpy_is_loaded_by_what_forecasts_and_by_nothing_else():
     """With scipy.stats, which it imports, it takes 30 MB in every process."""
     for module in ('attitude.prediction.sea_fit', 'attitude.identification.refit'):

@@ -96,18 +96,6 @@ def test_product_inverse_and_rotation_are_those_of_scipy(first, second, vector):
     assert attitude.rotate(one, *vector) == pytest.approx(tuple(rotation_of(*first).apply(vector)), abs=1e-9)
 
 
-@given(roll=angle, pitch=pitch_angle, yaw=angle)
-def test_frames_are_swapped_as_matrices_say(roll, pitch, yaw):
-    enu_from_ned = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
-    frd_from_flu = np.diag([1, -1, -1])
-    frd_in_ned = rotation_of(roll, pitch, yaw)
-    flu_in_enu = Rotation.from_matrix(enu_from_ned @ frd_in_ned.as_matrix() @ frd_from_flu)
-    swapped = attitude.swap_frames(*frd_in_ned.as_quat())
-    assert same_rotation(swapped, flu_in_enu)
-    assert same_rotation(attitude.swap_frames(*swapped), frd_in_ned)
-    assert same_rotation(swapped, rotation_of(roll, -pitch, np.pi / 2 - yaw))
-
-
 @given(mounting=st.tuples(angle, angle, angle), craft=st.tuples(angle, pitch_angle, angle))
 def test_mounted_sensor_tells_the_motion_of_the_craft(mounting, craft):
     craft_in_world = rotation_of(*craft)

@@ -39,11 +39,8 @@ def choices_of(nodes):
     return {(node, p.name): tuple(p.choices) for node in nodes for p in table_of(node) if p.choices}
 
 
-def test_every_node_has_its_settings():
+def test_every_node_has_its_settings_whose_defaults_are_those_of_the_cores():
     assert {*SETTINGS_OF, *handed_in('nodes')} == set(NODES)
-
-
-def test_the_defaults_are_those_of_the_cores():
     assert window_settings(defaults('imu_buffer')) == WindowSettings()
     settings = pipeline_settings(defaults('predictor'))
     limits = QuiescenceLimits(roll=radians(3.0), pitch=radians(3.0), duration=settings.forecaster.horizon)

@@ -1,5 +1,6 @@
 """The predictor in this process: fits of the waves that come late, and samples that waited while it could not run."""
 
+import itertools
 import math
 import time
 
@@ -8,16 +9,29 @@ import pytest
 rclpy = pytest.importorskip('rclpy')
 
 from imu_stream import EPOCH_NS, reading  # noqa: E402
-from live_bench import Bench, imu_message, stamp_ns, wait_for  # noqa: E402
+from live_bench import LATCHED, RELIABLE, Bench, imu_message, stamp_ns, wait_for  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
+from rclpy.serialization import deserialize_message  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
+from std_msgs.msg import Float32, Float64, String  # noqa: E402
 
+from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel, ScheduledModel  # noqa: E402
 from swath_sysid.attitude.prediction.sea_state import SeaReport  # noqa: E402
-from swath_sysid.formats.topics import SEA_TOPIC  # noqa: E402
+from swath_sysid.formats.model_file import scheduled_to_yaml  # noqa: E402
+from swath_sysid.formats.topics import QUIESCENCE_TOPIC, SEA_TOPIC  # noqa: E402
 from swath_sysid.nodes.executor_loop import events_executor  # noqa: E402
 from swath_sysid.nodes.predictor import PASSED_OVER_NS, Predictor  # noqa: E402
 from swath_sysid.nodes.worker import WorkerError  # noqa: E402
-from swath_sysid.pipeline.health import HARMLESS, LATE_FIT, NOT_FITTED, PASSED_OVER  # noqa: E402
+from swath_sysid.pipeline.health import (  # noqa: E402
+    BAD_LOADING,
+    HARMLESS,
+    LATE_FIT,
+    LOADING_ADVICE,
+    NOT_FITTED,
+    PASSED_OVER,
+)
 
 pytestmark = pytest.mark.dds
 
@@ -29,6 +43,11 @@ def predictor():
     yield node
     node.destroy_node()
     rclpy.try_shutdown()
+
+
+def set_parameters(node, **values):
+    """Whether each is accepted."""
+    return [each.successful for each in node.set_parameters([Parameter(n, value=v) for n, v in values.items()])]
 
 
 class LaterWorker:
@@ -181,3 +200,68 @@ def test_after_a_stall_it_forecasts_from_the_newest_and_counts_what_it_passed_ov
     finally:
         executor.shutdown()
         bench.close()
+
+
+def test_the_predictor_follows_the_draft(predictor):
+    models = tuple(IdentifiedModel.exactly(DecayModel.of(b1=0.4, r1=r1, axis='pitch')) for r1 in (12.0, 9.0, 7.0))
+    schedule = {'pitch': ScheduledModel('draft_m', (0.1, 0.15, 0.2), models)}
+    bench, executor, counts = Bench(), events_executor(), predictor.health.counts
+    executor.add_node(predictor)
+    description, loading = (
+        bench.publisher(kind, topic, how)
+        for kind, topic, how in ((String, 'model/description', LATCHED), (Float64, 'craft/loading', RELIABLE))
+    )
+
+    def wait_for_stiffness(expected):
+        def found():
+            executor.spin_once(timeout_sec=0.02)
+            held = predictor.pipeline.models['pitch']
+            return held and held.model.terms['r1'] == pytest.approx(expected)
+
+        wait_for(found, f'stiffness {expected}')
+
+    try:
+        wait_for(lambda: description.get_subscription_count() and loading.get_subscription_count(), 'connections')
+        description.publish(String(data=scheduled_to_yaml(schedule)))
+        wait_for_stiffness(9.0)
+        loading.publish(Float64(data=0.1))
+        wait_for_stiffness(12.0)
+        assert counts[LOADING_ADVICE] == 0
+        loading.publish(Float64(data=0.5))
+        wait_for_stiffness(7.0)
+        assert counts[LOADING_ADVICE] == 1
+        loading.publish(Float64(data=-1.0))
+        wait_for(lambda: executor.spin_once(timeout_sec=0.02) or counts[BAD_LOADING] == 1, 'a draft that is none')
+        assert set_parameters(predictor, loading=-2.0) == [False]
+        assert set_parameters(predictor, loading=0.1) == [True]
+        wait_for_stiffness(12.0)
+    finally:
+        executor.shutdown()
+        bench.close()
+
+
+def test_quiescence_is_told_for_the_limits_of_now(predictor, monkeypatch):
+    stamps, told, publish = iter(range(EPOCH_NS, 10 * EPOCH_NS, 100_000_000)), [], predictor._publish
+
+    def watched(messages):
+        found = list(messages)
+        told.extend(deserialize_message(raw, Float32).data for topic, raw in found if topic == QUIESCENCE_TOPIC)
+        publish(found)
+
+    def swing(count):
+        """The last probability that is told of a roll of 0.2 degrees, if any."""
+        told.clear()
+        for stamp in itertools.islice(stamps, count):
+            phase = 0.5 * math.pi * (stamp - EPOCH_NS) * 1e-9
+            roll, rate = math.radians(0.2) * math.sin(phase), math.radians(0.2) * 0.5 * math.pi * math.cos(phase)
+            predictor._on_imu(imu_message(reading(stamp, roll, roll_rate=rate)))
+        return told[-1] if told else None
+
+    monkeypatch.setattr(predictor, '_publish', watched)
+    listener = rclpy.create_node('listener')
+    listener.create_subscription(Float32, QUIESCENCE_TOPIC, lambda message: None, 1)
+    wait_for(predictor._publisher_of[QUIESCENCE_TOPIC].get_subscription_count, 'subscription')
+    assert swing(600) > 0.9
+    assert set_parameters(predictor, quiet_roll_deg=0.05) == [True] and swing(20) < 0.1
+    assert set_parameters(predictor, quiet_roll_deg=0.0, quiet_pitch_deg=0.0) == [True, True] and swing(20) is None
+    listener.destroy_node()

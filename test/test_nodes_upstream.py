@@ -173,7 +173,7 @@ def test_a_sensor_that_is_off_needs_a_field(node, sensor, monkeypatch):
 
 # -- leader and follower: see examples/leader_and_follower.py
 
-DURATION, WARMUP = 1100.0, 700.0
+DURATION, WARMUP = 900.0, 600.0
 
 
 @pytest.fixture

@@ -125,7 +125,7 @@ def test_cancelled_whether_it_listens_or_not(worker, function):
     assert submit(worker, abs, -10).wait().result == 10
 
 
-def test_a_worker_that_dies_is_reported_and_started_again(worker):
+def test_a_worker_that_dies_is_reported_and_started_again_or_ends_once_it_is_idle(worker, python_path):
     before = len(worker.deaths)
     ending = submit(worker, os._exit, 3).wait()
     assert isinstance(ending.error, WorkerError) and 'was restarted' in str(ending.error)
@@ -135,9 +135,6 @@ def test_a_worker_that_dies_is_reported_and_started_again(worker):
     os.kill(killed, signal.SIGKILL)
     wait_for(lambda: len(worker.deaths) == before + 2, 'report of the idle worker that was killed')
     assert worker.pid != killed and submit(worker, abs, -16).wait().result == 16
-
-
-def test_a_process_that_is_there_only_while_it_is_needed(python_path):
     with contextlib.closing(Worker(os.getpid, longest_idle=0.1)) as worker:
         for value in (3, 4):
             assert submit(worker, abs, -value).wait().result == value

@@ -186,11 +186,8 @@ def without_ros():
     return [path for path in others if f'{path.parent.name}/{path.stem}' not in of_nodes]
 
 
-def test_only_nodes_and_their_verbs_import_ros():
+def test_imports_go_up_the_layers_only_and_only_nodes_and_their_verbs_import_ros():
     assert [path for path in without_ros() if outside_imports(path) & ROS_PACKAGES] == []
-
-
-def test_imports_go_up_the_layers_only():
     assert outside_imports(PACKAGE / '__init__.py') == set()
     offenders = {}
     for path in (path for path in MODULES if path != PACKAGE / '__init__.py'):

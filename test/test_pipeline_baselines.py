@@ -35,7 +35,7 @@ def coupled_sea(count, seed=0):
     return matrix, values
 
 
-def test_a_record_is_read_between_its_samples_but_not_across_what_is_missing():
+def test_a_record_is_read_between_its_samples_but_not_across_what_is_missing_which_is_known_for_some_time():
     time = np.array([0.0, 1.0, 2.0, 3.0, 5.0, 6.0, 7.0])
     record = Record.of(Trial(time, roll=np.array([0.0, 2.0, np.nan, 6.0, 10.0, 12.0, 14.0]), pitch=time))
     wanted = np.array([-0.5, 0.0, 0.25, 1.0, 1.5, 3.0, 4.0, 5.0, 6.75, 7.0, 7.5])
@@ -45,9 +45,6 @@ def test_a_record_is_read_between_its_samples_but_not_across_what_is_missing():
     assert record.interval == pytest.approx(1.0)
     # so near to a sample a time is the sample's
     assert np.allclose(record.at(np.array([5.985, 6.015, 5.972, 6.028]))[:, 0], [12.0, 12.0, 11.944, 12.056])
-
-
-def test_what_is_issued_in_a_gap_and_for_some_time_after_it_is_known_by_the_channel():
     time = np.array([0.0, 1.0, 2.0, 5.0, 6.0, 7.0, 8.0, 9.0])
     record = Record.of(Trial(time, roll=time, pitch=np.where((time == 0.0) | (time == 7.0), np.nan, time)))
     assert record.after_gap('roll', np.array([*time, 2.5]), 2.0).tolist() == [0, 0, 0, 1, 1, 1, 0, 0, 1]

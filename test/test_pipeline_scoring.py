@@ -256,12 +256,13 @@ def test_forecasts_before_vertical_motion_is_learnt_count_as_the_mean():
 @pytest.fixture(scope='module')
 def swell_file(tmp_path_factory):
     path = tmp_path_factory.mktemp('point') / 'swell.csv'
-    write_csv(path, swell(250.0)[0])
+    write_csv(path, swell(220.0)[0])
     return str(path)
 
 
+@pytest.mark.long
 def test_the_verb_scores_points_and_the_sensor(swell_file, tmp_path, capsys):
-    options = ['--leads', '0.5,1', '--warmup', '200', '--plot', str(tmp_path / 'skill.png')]
+    options = ['--leads', '0.5,1', '--warmup', '170', '--plot', str(tmp_path / 'skill.png')]
     assert main(['forecast', swell_file, '--point', 'bow:2.5,0,0', *options, '--json']) == 0
     points = json.loads(capsys.readouterr().out)['points']
     assert list(points) == ['sensor', 'bow']

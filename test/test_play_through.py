@@ -231,7 +231,7 @@ def test_a_gap_is_told_once_and_a_clock_set_back_begins_anew(bag):
     assert silences == ('0',) * 5 + ('1',) * 11
 
 
-def test_a_known_model_is_published_first_and_used(bag, tmp_path):
+def test_a_known_model_is_published_first_and_used_and_the_model_path_of_the_nodes_never_written(bag, tmp_path, played):
     model_file = tmp_path / 'hull.yaml'
     write_model(model_file, {'roll': HULL})
     given = {'auto_identify': False, 'frame_id': 'hull', 'leads_s': [0.25, 1.0]}
@@ -244,9 +244,6 @@ def test_a_known_model_is_published_first_and_used(bag, tmp_path):
     assert '/forecast/lead_0_5s' not in topics
     assert {m.header.frame_id for _, m in decoded(out, '/forecast/lead_1_0s')} == {'hull'}
     np.testing.assert_array_equal(read_imu(out, '/imu/data').values, read_imu(bag).values)
-
-
-def test_the_model_path_of_the_nodes_is_read_but_never_written(bag, played, tmp_path):
     model_file = tmp_path / 'hull.yaml'
     assert not played.with_name(model_file.name).exists()
     write_model(model_file, {'roll': HULL})

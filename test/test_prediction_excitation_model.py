@@ -86,7 +86,7 @@ def test_the_moment_is_found_through_the_nonlinear_hull_and_reduced(sea):
     assert excitation.fit_excitation(request) is None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(sea):
     true, seen = sea
     fit, nrmse, coverage = excitation.fit_excitation(_request(seen[:COUNT])), [], []

@@ -191,21 +191,13 @@ def test_a_stamp_that_is_late_by_most_of_an_interval_is_none_lost():
     assert counted(time, time + late) == {}
 
 
-@pytest.mark.parametrize('shift', [20.0, 31536000.0, -1000.0])
-def test_half_a_minute_after_the_clock_was_set_the_forecast_is_as_good_as_before(run_on, steady, shift):
-    steps = run_on(SEA.samples(TIME, EPOCH + shift + TIME))
-    after, without = (error(given, TIME, 90.0, 120.0)[2] for given in (steps, steady))
-    before = error(steps, TIME, 30.0, 60.0)[2]
-    assert after < 1.3 * before and after < 1.3 * without
-    issued = [now for now, step in zip(TIME, steps, strict=True) if step.forecast is not None]
-    assert np.diff(issued).max() < 0.8, 'forecasts go on'
-
-
-@pytest.mark.parametrize('shift', [0.5, 5.0, -5.0, 31536000.0])
+@pytest.mark.parametrize('shift', [0.5, 5.0, -1000.0, 31536000.0])
 def test_a_motion_that_goes_on_while_its_clock_is_set_is_forecast_as_before(run_on, steady, shift):
     steps = run_on(SEA.samples(TIME, EPOCH + TIME + np.where(TIME < 60.0, 0.0, shift)))
     counts = Counter(reason for step in steps[UNTOUCHED:] for reason in step.reasons)
     assert counts == {'clock-stepped': 1} and not sum(step.lost for step in steps)
+    issued = [now for now, step in zip(TIME, steps, strict=True) if step.forecast is not None]
+    assert np.diff(issued).max() < 0.8, 'forecasts go on'
     after, without = (error(given, TIME, 60.0, 70.0) for given in (steps, steady))
     assert (after[1:] < 1.2 * without[1:]).all(), after / without
 
@@ -409,7 +401,7 @@ class LetGo(Sea):
         return np.array([roll, 0.0 * roll])
 
 
-@pytest.mark.parametrize('slower', [0.5, 1.0, 3.0])
+@pytest.mark.parametrize('slower', [0.5, 3.0])
 def test_before_two_cycles_have_been_seen_the_level_may_be_any_of_them(slower):
     """Half a period after a craft was let go it is as far on the other side."""
     held, periods = [], np.array([0.25, 0.5, 1.0])
@@ -453,11 +445,12 @@ def run_on_at_100_hz():
     return lambda time: run(SEA.samples(time), pipeline=copy.deepcopy(pipeline))[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('silent', [1.004, 10.006, 60.003])
 def test_the_first_forecasts_after_a_silence_are_as_sure_as_they_are_right(run_on_at_100_hz, silent):
-    """From eight starts in one sea, and at another phase of the sensor than before."""
+    """From four starts in one sea, and at another phase of the sensor than before."""
     errors, deviations, after, without = [], [], [], []
-    for start in range(8):
+    for start in range(0, 8, 2):
         before, following = (
             60.0 + clock(100.0, 0.7 * start),
             60.0 + 0.7 * start + silent + clock(100.0, 2.0 * SEA.period),

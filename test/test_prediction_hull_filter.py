@@ -387,7 +387,9 @@ def _released(seed, model=ROLL, angle=0.087):
 @pytest.mark.parametrize(
     ('name', 'degrees'),
     [
-        *((name, degrees) for name in ('swath-roll', 'swath-pitch') for degrees in (2.0, 3.0, 4.0, 5.0)),
+        ('swath-roll', 2.0),
+        ('swath-roll', 5.0),
+        ('swath-pitch', 3.0),
         ('swath-usv-pitch', 5.0),
         ('hydrofoil-pitch', 2.0),
     ],

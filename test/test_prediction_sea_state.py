@@ -10,6 +10,7 @@ from swath_sysid.attitude.prediction.sea_state import cross_spectra, sea_report,
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.baselines import WITHOUT_RATES, even_stretches
+from swath_sysid.report.sea_report import sea_in_words
 
 STEP, COUNT = 0.1, 12_000
 
@@ -62,7 +63,10 @@ def test_intervals_hold_in_simulated_seas():
 def test_the_axis_is_that_of_the_waves():
     for degrees in (0.0, 40.0, -75.0):
         record, _ = jonswap_record(1.0, 7.0, np.radians(degrees), 4)
-        assert np.degrees(sea_state(*record, STEP).axis) == pytest.approx(degrees, abs=1.0)
+        found = sea_state(*record, STEP)
+        assert np.degrees(found.axis) == pytest.approx(degrees, abs=1.0)
+        side = 'to port of the bow' if degrees > 0.0 else 'to starboard of the bow'
+        assert degrees == 0.0 or side in sea_in_words(found, 'a record')[1]
     unrelated = np.random.default_rng(0).normal(size=(2, COUNT))
     assert np.isnan(sea_state(record[0], *unrelated, STEP).axis)
 

@@ -27,8 +27,7 @@ def trial_of(time, motion):
     return Trial(time, **dict(zip((*AXES, 'roll_rate', 'pitch_rate'), motion.T, strict=True)))
 
 
-@pytest.mark.parametrize('factor', [0.02, 0.5, 2.0, 8.0])
-@pytest.mark.parametrize('stretch', [1.0, 0.1])
+@pytest.mark.parametrize(('factor', 'stretch'), [(0.02, 1.0), (8.0, 1.0), (0.02, 0.1), (2.0, 0.1)])
 def test_no_forecast_is_wilder_than_the_motion_of_the_last_two_periods(factor, stretch):
     time, motion = waves(110.0)
     motion[700:] *= factor

@@ -89,7 +89,7 @@ def test_the_covariance_at_a_point_is_that_of_draws():
     np.testing.assert_allclose(drawn / np.outer(size, size), found / np.outer(size, size), atol=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_vertical_velocity_is_forecast_at_the_sensor_and_ahead_of_it(at_sea):
     trial, velocities, run = at_sea
     for point, velocity in zip(POINTS, velocities, strict=True):
@@ -129,7 +129,7 @@ def test_a_swell_of_few_waves_without_noise_is_not_weighed_by_what_rounding_left
     assert np.std(mean - heave[later + 10]) < 0.2 * heave.std()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_windows_of_calm_are_calm(at_sea):
     trial, velocities, run = at_sea
     speed, told, kept = np.abs(velocities[1]), [], []

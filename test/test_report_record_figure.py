@@ -20,7 +20,7 @@ def shaded(axes):
     return [(path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in paths]
 
 
-def test_picture_of_a_record_is_drawn_with_its_decays(tmp_path, data_folder):
+def test_a_record_is_drawn_with_its_decays_gaps_and_the_peak_of_its_spectrum(tmp_path, data_folder):
     trial = read_trial(data_folder / 'decay/kvlcc2/run3_15kn.csv')
     figure = record_figure([trial.axis('roll'), trial.axis('pitch')])
     words = [text.get_text() for axes in figure.axes for text in axes.texts]
@@ -30,9 +30,6 @@ def test_picture_of_a_record_is_drawn_with_its_decays(tmp_path, data_folder):
     assert shaded(figure.axes[2]) == []
     save_figure(figure, tmp_path / 'record.png')
     assert (tmp_path / 'record.png').stat().st_size > 20_000
-
-
-def test_gaps_are_marked_and_the_spectrum_peaks_at_the_natural_frequency():
     motion = decaying()
     figure = record_figure([motion.only((motion.time < 10.0) | (motion.time > 12.0))])
     assert any(span == pytest.approx((10.0, 12.0), abs=0.03) for span in shaded(figure.axes[0]))

@@ -79,7 +79,7 @@ def test_what_is_named_of_the_repository_is_there(page):
     assert gone == []
 
 
-def test_the_site_lists_every_page_and_the_readme_fits_on_a_screen():
+def test_the_site_lists_every_page_and_the_readme_fits_on_a_screen_with_absolute_links_on_an_index():
     trees = re.findall(r'```{toctree}\n(?::.*\n)*\n([^`]*)```', PAGES['docs/index.md'])
     listed = {f'docs/{name}' for tree in trees for name in tree.split()}
     assert {page.removesuffix('.md') for page in PAGES} - listed == {'README.md'.removesuffix('.md'), 'docs/index'}
@@ -87,9 +87,6 @@ def test_the_site_lists_every_page_and_the_readme_fits_on_a_screen():
     assert len(readme.split()) <= 350
     assert len([token for token in tokens_of(readme) if token.type == 'link_open']) <= 10
     assert (ROOT / 'docs' / 'motion.gif').stat().st_size <= 2e6
-
-
-def test_links_of_the_long_description_are_absolute():
     pytest.importorskip('setuptools')
     done = subprocess.run([sys.executable, 'setup.py', '-q', '--long-description'], cwd=ROOT, **PIPES)
     links = [token.attrs.get('href') or token.attrs.get('src') for token in tokens_of(done.stdout)]

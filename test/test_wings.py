@@ -132,13 +132,11 @@ def test_a_folder_with_a_wing_is_handed_in_everywhere(stand_in, measured, monkey
     assert (page.view.trials, page.view.missing) == ([{'file': 'a.yaml'}], ['b is missing'])
 
 
-#: of each room of the core what is quick, and what asks for that which wings hand in
+#: what asks for that which wings hand in, or looks through the whole checkout
 TESTS = (
-    'common_signals motion_attitude hull_schedule hull_simulation prediction_sea_state pipeline_baselines files_csv '
-    'files_untrusted files_outputs formats_points report_fit_figure page_live_view nodes_parameter_tables nodes_launch '
-    'nodes_messages cli_run package public_api site_links docs_commands wings'
-).split()
-OF_CLI = 'flags_that_advice_is_given or slip or completes or lists or examples'
+    'files_untrusted files_outputs nodes_parameter_tables nodes_launch cli_run package site_links docs_commands wings'
+)
+OF_CLI = 'flags_that_advice_is_given or slip or completes or lists or examples or reference or checkers'
 TOLD = """
 import contextlib, importlib, io, json, pkgutil
 import swath_sysid
@@ -198,15 +196,22 @@ def without(told, wing):
     return left
 
 
+@pytest.fixture(scope='module')
+def told_here():
+    return run_in(ROOT, '-c', TOLD)
+
+
 @pytest.mark.long
-@pytest.mark.parametrize('gone', filter(None, dict.fromkeys([*((name,) for name in WINGS), (*WINGS,)])), ids=' '.join)
-def test_where_wings_are_deleted_nothing_else_is_missing(gone, tmp_path):
+@pytest.mark.parametrize(
+    'gone', [*filter(None, dict.fromkeys([*((name,) for name in WINGS), (*WINGS,)]))], ids=' '.join
+)
+def test_where_wings_are_deleted_nothing_else_is_missing(gone, told_here, tmp_path):
     ignored = (ROOT / '.gitignore').read_text(encoding='utf-8').replace('/', '').split()
     copy = tmp_path / 'copy'
     shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns('.git', *ignored))
     for place in (f'{folder}/{name}' for folder in (PACKAGE.name, 'test') for name in gone):
         shutil.rmtree(copy / place)
-    expected, found = (json.loads(run_in(folder, '-c', TOLD)) for folder in (ROOT, copy))
+    expected, found = json.loads(told_here), json.loads(run_in(copy, '-c', TOLD))
     home_of = swath_sysid._HOME_OF
     of_gone = {name for name in home_of if home_of[name].partition('.')[0] in gone}
     assert set(expected.pop('names')) - of_gone == set(found.pop('names'))
@@ -215,7 +220,7 @@ def test_where_wings_are_deleted_nothing_else_is_missing(gone, tmp_path):
     assert found == expected
     if len(gone) < len(WINGS):
         return  # what the tests of the core need is gone with all of them, if ever
-    tests = [f'test/test_{name}.py' for name in TESTS]
+    tests = [f'test/test_{name}.py' for name in TESTS.split()]
     quick = ('-m', 'pytest', '-q', '-p', 'no:cacheprovider', '-m', 'not dds and not long')
     run_in(copy, *quick, *tests)
-    run_in(copy, *quick, 'test/test_cli.py', '-k', OF_CLI)
+    run_in(copy, *quick, 'test/test_cli.py', 'test/test_public_api.py', '-k', OF_CLI)

@@ -17,6 +17,7 @@ def manoeuvring_texts():
     edited = editor(text)
     return {
         **of_any_kind(text),
+        'a parameter of no kind': (edited('Xuu:', 'Xww:'), "no parameter 'Xww'"),
         'mass 1e300': (edited(r'm: \{value: [^,]*', 'm: {value: 1.0e+300'), 'parameter m'),
         'mass NaN': (edited(r'm: \{value: [^,]*', 'm: {value: .nan'), 'finite'),
         'mass zero': (edited(r'm: \{value: [^,]*', 'm: {value: 0.0'), 'must be positive'),

@@ -54,6 +54,7 @@ def test_identify_json(folder, capsys):
     assert len(data['runs']['validation']) == 1
 
 
+@pytest.mark.long
 def test_identified_model_forecasts_and_simulates(folder, model, capsys):
     names = {path.name for path in (folder / 'plots').iterdir()}
     assert {'derivatives.png', 'residuals.png', 'validation_01_turns_fast.png'} <= names

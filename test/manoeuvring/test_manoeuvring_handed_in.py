@@ -78,6 +78,7 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node):
     assert {name for name in loaded if f'{name}.'.startswith(rooms)} == loaded & HEAVY == set()
 
 
+@pytest.mark.long
 def test_filterpy_is_loaded_by_what_forecasts_and_by_nothing_else():
     assert 'filterpy' not in loaded_by('swath_sysid.manoeuvring.identification.refit as work; work.warm_up()')
     assert 'filterpy' not in loaded_by('swath_sysid.manoeuvring.cli.manoeuvre')

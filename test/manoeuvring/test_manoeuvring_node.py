@@ -10,10 +10,9 @@ import pytest
 pytest.importorskip('rclpy')
 
 from hostile_manoeuvring_models import manoeuvring_text, manoeuvring_texts  # noqa: E402
-from live_bench import Bench, settings, start_node, stop, wait_for  # noqa: E402
+from live_bench import RELIABLE, Bench, settings, start_node, stop, wait_for  # noqa: E402
 from manoeuvring_runs import MODEL, OLD  # noqa: E402
 from nav_msgs.msg import Odometry, Path  # noqa: E402
-from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
 from std_msgs.msg import Float32, Float64, String  # noqa: E402
@@ -36,8 +35,6 @@ from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState  # noqa: 
 from swath_sysid.nodes.qos import LATCHED  # noqa: E402
 
 pytestmark = pytest.mark.dds
-
-RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 
 
 def test_odometry_message_round_trip():

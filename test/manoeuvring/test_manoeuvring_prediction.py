@@ -9,12 +9,6 @@ from filterpy.kalman import ExtendedKalmanFilter
 from manoeuvring_runs import MODEL, OLD, identified, runs_of
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.manoeuvring.formats.model_file import (
-    manoeuvring_from_yaml,
-    manoeuvring_to_yaml,
-    read_manoeuvring_model,
-    write_manoeuvring_model,
-)
 from swath_sysid.manoeuvring.hull.simulation import simulate
 from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, acting_thrust
@@ -26,19 +20,6 @@ from swath_sysid.manoeuvring.prediction.pipeline import (
 )
 from swath_sysid.manoeuvring.prediction.predictor import MEASURABLE, STATES, ManoeuvreFilter, ManoeuvreFilterSettings
 from swath_sysid.manoeuvring.prediction.skill import filtered, score_forecasts
-
-
-def test_model_file_round_trip(tmp_path):
-    model = replace(OLD.with_values(lag=0.3), current=(0.1, -0.2), name='mine')
-    write_manoeuvring_model(tmp_path / 'm.yaml', identified(model))
-    found = read_manoeuvring_model(tmp_path / 'm.yaml')
-    assert np.array_equal(found.model.values, model.values)
-    assert found.model == replace(model, values=found.model.values)
-    assert np.array_equal(found.covariance, identified().covariance)
-    text = manoeuvring_to_yaml(found)
-    assert text == (tmp_path / 'm.yaml').read_text()
-    with pytest.raises(InputError, match="no parameter 'Xww'"):
-        manoeuvring_from_yaml(text.replace('Xuu:', 'Xww:'))
 
 
 def test_forecast_without_noise_is_the_simulation_whose_thrust_is_remembered():

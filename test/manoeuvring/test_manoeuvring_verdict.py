@@ -57,13 +57,10 @@ def test_the_gravest_cause_decides(validation, level, code, said):
     assert verdict.metrics['verdict'] == level
 
 
-def test_what_was_never_measured_is_not_asked_of_the_validation():
+def test_what_was_never_measured_is_not_asked_of_the_validation_and_a_model_that_runs_away_is_rejected():
     no_sway = scores(0.99, np.nan, 0.9)
     assert judge(no_sway, no_sway, NOISE, None).level == 'adequate'
     assert judge(no_sway, no_sway, NOISE, None).channels == {'surge': 'adequate', 'yaw_rate': 'adequate'}
-
-
-def test_a_model_that_runs_away_is_rejected_whatever_its_scores():
     good = scores(0.99, 0.9, 0.9)
     verdict = judge(good, good, NOISE, StabilityCheck(False, False, 0.4, 1.2))
     assert (verdict.level, verdict.code) == ('rejected', 'unstable')
