@@ -125,11 +125,11 @@ def to_be_fitted(decays: Sequence[DecaySegment]) -> tuple[DecaySegment, ...]:
     """Of the decays of one record, the best first: that one, and the others released, by time. They are long enough, or
     even the best is not.
     """
-    least = MIN_CYCLES if decays[0].cycles >= MIN_CYCLES else 0.0
     return tuple(
         segment
         for segment in sorted(decays, key=lambda decay: decay.start)
-        if segment is decays[0] or (segment.beginning == 'released' and segment.cycles >= least)
+        if segment is decays[0]
+        or (segment.beginning == 'released' and (segment.cycles >= MIN_CYCLES or decays[0].cycles < MIN_CYCLES))
     )
 
 
