@@ -7,7 +7,7 @@ import pytest
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.prediction.axis_filter import _SPAN, AgreementMeter
+from swath_sysid.attitude.prediction.axis_filter import AgreementMeter
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.formats.reading import read_trial
@@ -35,7 +35,7 @@ def excess(step, **how):
 
 @pytest.mark.parametrize('step', [0.01, 0.1])
 def test_a_lag_or_a_gain_is_noise_of_the_rate_that_departs_as_far(step):
-    (time, true, _), count = swing(step), math.ceil(_SPAN * USUAL_PERIOD / step)
+    (time, true, _), count = swing(step), math.ceil(USUAL_PERIOD / math.tau / step)
     assert excess(step) == 0.0
     for how in ({'lag': 0.07}, {'gain': 0.9}):
         # by hand: the mean square of what the span adds to the difference between angle and integrated rate

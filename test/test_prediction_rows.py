@@ -12,7 +12,6 @@ from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.rows import (
     _NEW_STEP,
     CHANNELS,
-    LONGEST_FILLED,
     OF_CHANNELS,
     OF_MEANS,
     OF_SAMPLE,
@@ -140,7 +139,7 @@ def test_a_lost_sample_is_filled_as_a_cubic_does(lost):
     # what has no rate is not known meanwhile, but for a short time
     others = values_of(rows, OF_CHANNELS)[:, CHANNELS.index('accel_x')]
     is_filled = ~np.isclose(at[:, None], kept, atol=1e-6).any(axis=1)
-    assert np.isnan(others[is_filled]).all() == (0.1 * (lost + 1) > 0.5 * LONGEST_FILLED * USUAL_PERIOD)
+    assert np.isnan(others[is_filled]).all() == (0.1 * (lost + 1) > 0.5 * RowClock().longest_filled)
     np.testing.assert_allclose(others[~is_filled], at[~is_filled], atol=1e-9)
 
 
@@ -148,7 +147,7 @@ def test_a_lost_sample_is_filled_as_a_cubic_does(lost):
 def test_what_has_no_rate_is_filled_by_a_line_for_a_short_time(rate):
     """Of a ramp, nothing is missing then, whether rows are samples or smoothed."""
     times = clock_ticks(rate, round(4.0 * rate))
-    most = math.floor(0.5 * LONGEST_FILLED * USUAL_PERIOD * rate + 1e-9) - 1
+    most = math.floor(0.5 * RowClock().longest_filled * rate + 1e-9) - 1
     kept = np.delete(times, np.arange(round(2.0 * rate), round(2.0 * rate) + most))
     assert most >= 1
     whole, filled = (rows_of(RowClock(), each) for each in (times, kept))
@@ -159,7 +158,7 @@ def test_what_has_no_rate_is_filled_by_a_line_for_a_short_time(rate):
 @pytest.mark.parametrize('rate', [30.0, 200.0])
 def test_what_has_no_rate_is_not_known_over_a_longer_loss_and_angles_are(rate):
     times = clock_ticks(rate, round(4.0 * rate))
-    lost = math.ceil(0.65 * LONGEST_FILLED * USUAL_PERIOD * rate)
+    lost = math.ceil(0.65 * RowClock().longest_filled * rate)
     begin = round(2.0 * rate)
     clock = RowClock()
     rows = rows_of(clock, np.delete(times, np.arange(begin, begin + lost)), change=lambda s: s._replace(yaw_rate=1.0))
@@ -200,7 +199,7 @@ def test_an_angle_without_rate_is_filled_by_a_line():
 
 @pytest.mark.parametrize('rate', [10.0, 100.0])
 def test_what_is_lost_for_longer_than_a_motion_needs_to_turn_is_not_known(rate):
-    longest = LONGEST_FILLED * USUAL_PERIOD
+    longest = RowClock().longest_filled
     for seconds, is_filled in ((0.9 * longest, True), (1.2 * longest, False), (5.0, False)):
         clock, times = RowClock(), clock_ticks(rate, round(12.0 * rate))
         begin = round(6.0 * rate)

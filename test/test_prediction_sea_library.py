@@ -60,7 +60,7 @@ def test_it_is_the_mixture_of_processes_weighted_by_the_likelihood_of_all_rows(r
 
     Rows of every stride have a process of their own, and count as one.
     """
-    monkeypatch.setattr(sea_library, 'LEAST_WEIGHT', 0.0)
+    monkeypatch.setattr(sea_library, 'NEGLIGIBLE', 0.0)
     rows = _waves(count, step, 3.0)
     rows[:, 2:] = rows[:, 2:] if rated else np.nan
     lead = 4

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 TWO_STD = 2.0  #: Standard deviations within which chance stays in 95 % of cases: the coverage factor k.
+THREE_STD = 3.0  #: Standard deviations that chance exceeds in one of 300 cases.
 SIGNIFICANT = 4.0  #: Standard deviations beyond which a difference is not chance.
 UNCERTAIN = 0.5  #: An error, or a standard deviation, beyond this share of a value makes it uncertain.
 CONFIDENCE = 0.95  #: Of the intervals that are stated.
@@ -16,6 +17,7 @@ LEVELS = REJECTED, DOUBTFUL, ADEQUATE = 'rejected', 'doubtful', 'adequate'  #: O
 
 LOST_SHARE = 0.05  #: Of the rows or values of a record, from which what is lost for one cause makes it no record.
 
+NEGLIGIBLE = 1e-3  #: A share that is as good as nothing.
 ROUNDING = 1e-9  #: What is smaller, in its unit, is zero but for rounding.
 
 

@@ -21,11 +21,12 @@ from swath_sysid.attitude.identification.decay_fit import DecayFit, RecordFit
 from swath_sysid.attitude.identification.motion_fit import PERTURBATION, SEARCH_STEPS_PER_PERIOD, InitialState, Noise
 from swath_sysid.attitude.identification.problem import FIRST_LOOK_PERIODS, motion_fit, state_at_start
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
+from swath_sysid.attitude.motion.segmentation import ASYMMETRY
 from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
 from swath_sysid.attitude.motion.stamps import LONGEST_PERIOD
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, TWO_STD, UNCERTAIN
+from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, THREE_STD, TWO_STD, UNCERTAIN
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.judgement import Finding, Judgement
 from swath_sysid.common.signals import running_integral
@@ -33,7 +34,6 @@ from swath_sysid.common.signals import running_integral
 UPPER_PART = 0.9  #: Share of the draws whose error is smaller than the stated error.
 DRAWS = 100  #: Hulls of the posterior that are simulated, of ten times as many that are drawn.
 RATES = 30  #: At which the sign of each hull's damping is checked.
-THREE_STD = 3.0  #: Standard deviations that chance exceeds in one of 300 starts.
 RELEASE_PERIODS = 4.0  #: Length of the next release.
 
 
@@ -150,7 +150,6 @@ REPEATABILITY = 0.03
 LEAST_USABLE = 0.5  #: Least share of a record's rows that must be usable.
 #: Least righting moment at the release over that of the linear stiffness; a craft that was moved has less.
 LEAST_RIGHTING = 0.3
-LARGEST_PERIOD_RATIO = 2.2  #: Of the natural period and that of the oscillation, or its inverse.
 MAX_RATE_MISMATCH = 0.35  #: Of `rate_mismatch`: above, a unit, sign or delay is wrong.
 
 
@@ -264,7 +263,7 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
     # a hull that softens accelerates little at first, too, but swings for several cycles with the period it is given
     few = all(r.segment.cycles < MIN_CYCLES for r in found.records)
     ratio = period * found.problem.scales.frequency / (2.0 * np.pi)
-    odd = few or not 1.0 / LARGEST_PERIOD_RATIO < ratio < LARGEST_PERIOD_RATIO
+    odd = few or not 1.0 / ASYMMETRY < ratio < ASYMMETRY
     if brief or (odd and not righting >= LEAST_RIGHTING * found.model.natural_frequency**2):
         seen = 'less than one oscillation was recorded' if brief else 'it hardly accelerated at first'
         yield DOUBTFUL, Advice.of('no-release', seen=seen)

@@ -23,7 +23,7 @@ from swath_sysid.attitude.hull.terms import AT, DAMPING_NAMES, UPPER
 
 MAX_ITERATIONS = 30
 CONVERGED = 0.003  #: Decrease of the negative log likelihood that a further step promises.
-NEAR = 10.0  #: Decrease that a step promises from which the curvature is learned.
+NEAR = 10.0  #: Of a log posterior below its maximum, from which a peak is its curvature.
 #: Of the expected information along any direction, taken for the curvature of a step where less was learned.
 LEAST_SHARE = 0.1
 SAME_MODE = 0.5  #: Standard deviations of each ratio within which two optima are one.

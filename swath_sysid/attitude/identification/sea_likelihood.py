@@ -17,17 +17,17 @@ from itertools import count
 import numpy as np
 from scipy.special import logsumexp
 
+from swath_sysid.attitude.identification.log_posterior import NEAR
 from swath_sysid.attitude.identification.sea_motion import SeaPart
 from swath_sysid.common.cancelling import Progress, stop_if
+from swath_sysid.common.conventions import NEGLIGIBLE
 
 #: Standard deviations of the log of the excitation about the spectrum of its waves, each as likely as the others.
 ROUGHNESS = (0.05, 0.2, 0.5, 1.0)
 SMOOTH_OVER = 0.2  #: Correlation length of the deviation in log frequency.
-NEGLIGIBLE = 1e-3  #: Share of the deviation's variance that its basis leaves out.
 
 GRID_STEP = 0.05  #: Of log natural frequency; divided by three in each refinement.
 REFINEMENTS = 2
-NEAR = 10.0  #: Log posterior below its maximum down to which the grid is refined.
 #: Of a search from each start, of which the best goes on; before them as many by least squares of logarithms, which
 #: converge from anywhere.
 FIRST_STEPS = 5

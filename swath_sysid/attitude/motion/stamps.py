@@ -27,8 +27,8 @@ NANOSECOND = constants.nano  #: s.
 GAP_INTERVALS = 2.5
 FOLLOWING = {True: 0.02, False: 0.1}  #: Largest relative step per sample of the tracked interval, settled or not.
 SETTLING_SAMPLES = 50
-#: Of an interval, running mean over so many samples of a stamp's distance from the next whole interval: more is jitter.
-JITTER, JITTER_SAMPLES = 0.1, 50
+#: Of an interval; a larger mean distance of stamps from the next whole interval is jitter, a shorter time none.
+JITTER = 0.1
 TO_RECOGNISE = 2 * SETTLING_SAMPLES  #: Samples until bursts can be recognised.
 RATE_CHANGE = 1.4  #: Factor; the interval is settled when it has moved by less than its root over `SETTLING_SAMPLES`.
 
@@ -98,7 +98,7 @@ class StampOrder:
             return Placed(False, (DUPLICATE,))
         if self._interval is not None and abs(elapsed) < self._settings.backward_jump:
             intervals = elapsed / self._interval
-            self._jitter += (abs(intervals - round(intervals)) - self._jitter) / JITTER_SAMPLES
+            self._jitter += (abs(intervals - round(intervals)) - self._jitter) / SETTLING_SAMPLES
             if elapsed < 0.0 and intervals > -1.0 and self._jitter > JITTER:
                 self._last += 1
                 return Placed(True, (), self._last)

@@ -218,7 +218,8 @@ class DecayWatch:
         newest = motion.primary[motion.time >= motion.time[-1] - 2.0 * LOOK_INTERVAL]
         if not np.ptp(newest) < CALM * np.ptp(motion.primary):
             return None
-        motion = averaged(table, LOOK_RATE).trial().axis(axis)
+        coarse = averaged(table, LOOK_RATE)
+        motion = motion if coarse is table else coarse.trial().axis(axis)
         ended = [decay for decay in find_decays(motion) if self._is_worth_reporting(decay, motion)]
         if not ended:
             return None

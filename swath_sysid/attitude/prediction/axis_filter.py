@@ -9,18 +9,17 @@ import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
-from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
+from swath_sysid.attitude.prediction.hull_state import NOW, USUAL_PERIOD
 from swath_sysid.attitude.prediction.hull_watch import HullWatch
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import THREE_STD
 
 #: First guess, least and most noise of sensors that do not report theirs, rad and rad/s.
 ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
 
 LEAST_SIZE = ANGLE_NOISE[1]  #: rad and rad/s; a craft that moves less is at rest.
 
-#: Periods over which the motion of this moment is averaged, and that of now, of which an error may be a share.
-_ACTIVITY_TIME, _PRESENT_TIME = 1.6, 5.0
-
+LATELY = 5.0  #: Periods over which the motion of late is averaged, of which an error may be a share, and errors.
 _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over which the variance is averaged.
 
 # variances of the third and fourth difference of white noise: sums of squared binomials
@@ -33,15 +32,10 @@ MEMORY_OF_SIZE = 19.0
 
 #: A squared error over its expected value counts as this much at the most: what nobody could foresee, such as a glitch
 #: or a hand on the craft, says little of the errors to come.
-CREDIBLE = 9.0
-
-
-_SPAN = 0.16  #: Periods over which the rate is integrated.
-
+CREDIBLE = THREE_STD * THREE_STD
 #: Mean square disagreement over that of the noise, above which the channels contradict each other.
 _BEYOND_CHANCE = 2.0
 BLOCKS = 16  #: The past is kept as the extremes of this many parts.
-PERIODS = 2.0  #: Natural periods over which a motion's amplitude is measured.
 BEYOND = 1.1  #: Factor beyond the largest amplitude of the record from which the model is not valid.
 
 
@@ -171,7 +165,7 @@ class Reach:
 
     def add(self, time: float, angle: float) -> None:
         """Add an angle, rad; NaN: not measured."""
-        block = PERIODS * self.period / BLOCKS
+        block = NOW * self.period / BLOCKS
         if not self._end - block <= time < self._end:
             self._end = time + block
             self._lows.append(inf)
@@ -215,8 +209,8 @@ class MotionSize:
         self.reach.add(self._elapsed, angle)
         slow = elapsed / min(self._memory * self.period, self._elapsed) if elapsed > 0.0 else 0.0
         known = max(self._elapsed, 1e-9)
-        quick = elapsed / min(_ACTIVITY_TIME * self.period, known)
-        steady = elapsed / min(_PRESENT_TIME * self.period, known)
+        quick = elapsed / min(NOW * self.period, known)
+        steady = elapsed / min(LATELY * self.period, known)
         if self.mean != self.mean:
             self.mean = angle
         self.mean += slow * (angle - self.mean)
@@ -252,7 +246,7 @@ class MotionSize:
     @property
     def is_young(self) -> bool:
         """Whether less motion like that of now has been seen than what an amplitude is measured over."""
-        return self._cycles_as_large < PERIODS
+        return self._cycles_as_large < NOW
 
     @property
     def doubt_of_mean(self) -> float:
@@ -345,8 +339,8 @@ class AgreementMeter:
 
     @property
     def span(self) -> float:
-        """s over which the rate is integrated."""
-        return _SPAN * self.period
+        """s over which the rate is integrated: a radian of the motion."""
+        return self.period / math.tau
 
     def restart(self) -> None:
         """Forget the neighbours (after a gap or a missing value), not what was learnt."""

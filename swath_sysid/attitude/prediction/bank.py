@@ -9,7 +9,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.blend import DRIVEN, FREE, MIN_SHARE, UNPROVEN, YOUNG, Blend
+from swath_sysid.attitude.prediction.blend import DRIVEN, FREE, UNPROVEN, YOUNG, Blend
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.hull_state import TRIM
@@ -33,13 +33,11 @@ from swath_sysid.attitude.prediction.upstream import (
 )
 from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import NEGLIGIBLE, THREE_STD
 
 HULL, LIBRARY, LEVEL = 'hull-filter', 'sea-library', 'mean'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
 CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, LEVEL: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
-
-#: Forecasts and their deviations are at most as many times as large as the motion of now.
-WIDEST = 3.0
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 
@@ -202,7 +200,8 @@ class Bank:
         centre, largest = np.zeros((2, len(ATTITUDE)))
         for place, axis in enumerate(self._axes):
             centre[place] = axis.size.mean
-            reach = WIDEST * max(axis.size.extent, math.sqrt(axis.noise[0]))
+            # no wilder than the motion of now
+            reach = THREE_STD * max(axis.size.extent, math.sqrt(axis.noise[0]))
             largest[place::2] = reach, reach * 2.0 * math.pi / self._period
         bound(ahead.mean, ahead.covariance, centre, largest)
         return ahead
@@ -317,7 +316,7 @@ def bound(mean: np.ndarray, covariance: np.ndarray, centre: np.ndarray, largest:
 def without_noise(covariance: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Covariances (..., M, M) of readings less the variances (M,) of their noise; correlations stay."""
     variance = np.diagonal(covariance, axis1=-2, axis2=-1)
-    share = np.maximum(1.0 - noise / np.maximum(variance, 1e-300), MIN_SHARE)
+    share = np.maximum(1.0 - noise / np.maximum(variance, 1e-300), NEGLIGIBLE)
     return covariance * np.sqrt(share[..., :, None] * share[..., None, :])
 
 

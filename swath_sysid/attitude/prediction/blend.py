@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, MEMORY_OF_SIZE
+from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, LATELY, MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.forecast import MISSES, NORMAL_QUANTILES, Forecast
 from swath_sysid.common.accelerator import accelerated
+from swath_sysid.common.conventions import NEGLIGIBLE
 
-# s, and as many leads; errors are forgotten with this time constant: those at short leads are many
-_MEMORY, _MEMORY_LEADS = 4.7, 10.0
+# leads, and `LATELY`, with which time constant errors are forgotten: those at short leads are many
+_MEMORY_LEADS = 10.0
 # weights go with the mean square error to this power: 3 % less error is nearly twice the weight
 _POWER = 12
 # s of errors that the candidates' common level, and their own variances, count for: luck in the first decides nothing
@@ -20,8 +21,6 @@ _TRUST = 1.6
 UNPROVEN = 1.14
 # log variance a s of misses beyond the tenth that a 90 % interval allows: a normal error's coverage settles in 60 s
 _TAIL_GAIN = 0.32
-#: The variance of the candidates is at least this share of what they claim.
-MIN_SHARE = 1e-3
 # of the time of each lead, over the memory of the variances: what happens more often than that is no surprise, and a
 # candidate that is surprised all the time is judged by half of its errors
 _MAX_EXCUSED = 0.5
@@ -139,7 +138,7 @@ class Blend:
     def set_period(self, step: float, period: float) -> None:
         """Count memories in a period of the motion; a row is a step, both s."""
         relative = step / period
-        memory = np.minimum(_MEMORY + _MEMORY_LEADS * relative * self.steps, MEMORY_OF_SIZE)
+        memory = np.minimum(LATELY + _MEMORY_LEADS * relative * self.steps, MEMORY_OF_SIZE)
         self._layout = self._layout._replace(step=relative, keep=1.0 - relative / memory)
 
     def take(
@@ -296,7 +295,7 @@ def follow_spread(spread: np.ndarray, square: float, past: np.ndarray, noise: fl
     mean_ratio = spread[1] + shown * step / max(time, 1e-12) * (ratio - spread[1])
     # with wide tails the mean square is more than the 90 % interval needs
     tail = spread[2] + _TAIL_GAIN * step * shown * ((square > interval) - MISSES)
-    scale = math.exp(tail) * (_TRUST + time * max(mean_ratio, MIN_SHARE)) / (_TRUST + time)
+    scale = math.exp(tail) * (_TRUST + time * max(mean_ratio, NEGLIGIBLE)) / (_TRUST + time)
     spread[0], spread[1], spread[2], spread[3] = time, mean_ratio, tail, scale
 
 

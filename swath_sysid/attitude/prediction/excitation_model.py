@@ -17,11 +17,11 @@ from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, ExcitationRequest, HullFilter
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment
 from swath_sysid.attitude.prediction.variate_analysis import LARGEST_RADIUS, spectral_radius
+from swath_sysid.common.conventions import NEGLIGIBLE
 from swath_sysid.common.signals import sine_tapers
 
 SMOOTHING = 0.02  #: Standard deviation of the spectrum's smoothing, over the motion's frequency.
 HIGHEST_FREQUENCY = 10.0  #: Over the motion's; above, waves move no craft and the hull's inverse only amplifies noise.
-MIN_SIGNAL = 1e-3  #: Least spectrum over that of the noise.
 AUTOREGRESSION_SPAN = 3.75  #: Periods of lags.
 
 STATES = 20
@@ -85,7 +85,7 @@ def moment_spectrum(request: ExcitationRequest) -> Spectrum:
     f, density = f[keep], (np.abs(rfft(tapered, length, axis=1)) ** 2).mean(axis=0)[keep] * step
     noise = np.interp(f, w, noise)
     smooth = gaussian_filter1d(density, SMOOTHING * 2.0 * np.pi / request.period / (f[1] - f[0]), mode='nearest')
-    return Spectrum(f, np.maximum(smooth - noise, MIN_SIGNAL * noise))
+    return Spectrum(f, np.maximum(smooth - noise, NEGLIGIBLE * noise))
 
 
 def autoregression(covariance: np.ndarray) -> tuple[np.ndarray, float]:

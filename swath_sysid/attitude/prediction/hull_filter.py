@@ -38,6 +38,7 @@ from swath_sysid.attitude.prediction.hull_state import (
 )
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, markov_moment, sum_of_moments
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import THREE_STD
 from swath_sysid.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,16 +56,15 @@ IDENTIFIED_TRIM_STD = 5e-4  #: rad; identification reports 3e-5 to 7e-4.
 #: Relative std of all restoring and all damping terms without an identified covariance, as of a rebuilt hull.
 ASSUMED_STD = {'stiffness': 0.02, 'damping': 0.1}
 
-#: rad; expected of a craft before it is known, and where a model does not state what it was identified on.
-USUAL_AMPLITUDE = 0.05
+#: rad; expected of a craft before it is known, and where a model does not state what it was identified on; an unknown
+#: moment may hold it there.
+USUAL_AMPLITUDE = 0.078
 
 INITIAL_STD = 0.3  #: rad, and rad times half the motion's frequency, where the first sample does not measure.
 MARKOV_TIME = 0.156  #: Periods of the motion; one over the corner frequency of the unknown moment.
-MARKOV_STD = 0.078  #: rad times the square of the motion's frequency; its size at the start.
-
 MIN_LEVEL = 1e-10  #: Of a moment's variance over the initial one.
-
 CHALLENGING_LEVEL = 0.01  #: Of the unknown moment in a restarted driven track.
+
 #: Periods between updates of the moments' sizes: with a hull, and without, where they only affect the filter's
 #: smoothness.
 LEVEL_INTERVALS = 0.016, 0.31
@@ -81,7 +81,6 @@ HEALTHY_STRAIN = 4.0
 
 RECENT = 400  #: Samples kept to be filtered again when a fit arrives.
 INSIGNIFICANT = 0.035  #: Of the unknown moment's size at the start; a smaller one is ignored.
-CONTRADICTION = 3.0  #: Standard deviations.
 
 #: Relative changes that are reported whatever the prior uncertainty.
 MUCH = {'stiffness': 0.1, 'damping': 0.3}
@@ -482,7 +481,7 @@ class HullFilter:
     def advice(self) -> tuple[Advice, ...]:
         """Whether the waves, or the craft in still water, contradict the model.
 
-        A factor of stiffness or damping more than `CONTRADICTION` of its identified standard deviations off contradicts
+        A factor of stiffness or damping more than three of its identified standard deviations off contradicts
         it.
         """
         found = []
@@ -490,8 +489,8 @@ class HullFilter:
         for name, direction in prior.directions.items():
             change = float(direction @ (self.x[OF_HULL] - prior.mean))
             before, now = (math.sqrt(direction @ spread @ direction) for spread in (prior.covariance, covariance))
-            is_unlikely = abs(change) > CONTRADICTION * before
-            is_much = abs(change) > max(MUCH[name], CONTRADICTION * now)
+            is_unlikely = abs(change) > THREE_STD * before
+            is_much = abs(change) > max(MUCH[name], THREE_STD * now)
             if self.model is not None and (is_unlikely or is_much):
                 more, stds = 'more' if change > 0.0 else 'less', change / before
                 share, axis = abs(math.expm1(change)), self.model.axis
@@ -513,9 +512,9 @@ class HullFilter:
 
 
 def unknown_moment(period: float) -> ModalMoment:
-    """What may act on a craft that moves with a period, s, before anything is known of it."""
+    """What may act on a craft that moves with a period, s, before anything is known of it: it may hold it in place."""
     frequency = 2.0 * math.pi / period
-    return markov_moment((MARKOV_STD * frequency**2) ** 2, MARKOV_TIME * period)
+    return markov_moment((USUAL_AMPLITUDE * frequency**2) ** 2, MARKOV_TIME * period)
 
 
 def hull_that_stands_in(period: float) -> DecayModel:

@@ -12,4 +12,5 @@ LARGEST_JUMP = 33.0  #: Over the unknown moment's size at the start: largest mom
 
 LARGEST_ANGLE_VARIANCE = math.pi**2
 LARGEST_RATE_VARIANCE = 100.0  #: Bounds the variance where the angle is not observed.
+NOW = 2.0  #: Periods that show what a motion is like now: its amplitude, its activity, its phase.
 LONGEST_STEP = 0.05  #: s; of a prediction.

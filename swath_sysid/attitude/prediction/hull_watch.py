@@ -8,10 +8,10 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import THREE_STD
 from swath_sysid.common.errors import InputError
 
 NEWEST = 90.0  #: Periods of the motion in which a change shows while the whole past still hides it.
-BEYOND_CHANCE = 3.0  #: Standard deviations of a change from which it is reported.
 
 
 class HullLook(NamedTuple):
@@ -30,7 +30,7 @@ class Ratio(NamedTuple):
 
     def differs_from(self, log: float) -> bool:
         """Whether it differs beyond chance from a ratio of this logarithm."""
-        return abs(self.log - log) > BEYOND_CHANCE * self.std
+        return abs(self.log - log) > THREE_STD * self.std
 
 
 class HullChange(NamedTuple):

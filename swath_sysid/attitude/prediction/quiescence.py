@@ -17,6 +17,7 @@ from scipy.special import ndtr
 from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
+from swath_sysid.common.conventions import THREE_STD
 from swath_sysid.common.errors import InputError
 
 AT_A_POINT = POINT_MOTION[:2]  #: What can be limited at each point, beside `ATTITUDE` of the craft.
@@ -24,8 +25,8 @@ AT_A_POINT = POINT_MOTION[:2]  #: What can be limited at each point, beside `ATT
 #: Forecasts of known outcome, from which on their errors give probabilities.
 _ENOUGH = 30
 
-#: Standard deviations of a sea that its motion reaches within two periods, at most and at least.
-_LARGEST_REACH, _LEAST_REACH = 3.0, 0.5
+#: Standard deviations of a sea that its motion reaches within two periods, at least; at most, three.
+_LEAST_REACH = 0.5
 
 
 @dataclass(frozen=True)
@@ -202,7 +203,7 @@ class Quiescence:
         where nothing is limited, or a limited quantity is not measured.
         """
         size = np.fmin(self._follow_size(now, activity), reach / _LEAST_REACH)
-        self._grown = np.broadcast_to(reach / _LARGEST_REACH, size.shape)
+        self._grown = np.broadcast_to(reach / THREE_STD, size.shape)
         about = np.zeros(len(self._quantities)) if trim is None or not self._about_trim else trim
         probability, window = math.nan, None
         if self._bound.size and np.isfinite(motion[:, self._bounded]).all():

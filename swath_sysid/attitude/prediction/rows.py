@@ -15,10 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.stamps import JITTER
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.state_space import cubic_weights
+from swath_sysid.common.conventions import THREE_STD
 
 #: Channels that may show the waves; a record without some is forecast from the others.
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z', 'heave')
@@ -30,7 +32,6 @@ OF_SAMPLE = slice(OF_CHANNELS.stop, OF_CHANNELS.stop + len(ATTITUDE))
 OF_MEANS = slice(OF_SAMPLE.stop, OF_SAMPLE.stop + len(ATTITUDE))
 
 ROWS_A_PERIOD = 32.0  #: A slower sensor gives one row per sample.
-LONGEST_FILLED = 0.16  #: Periods; what is lost for longer is not known.
 
 #: Samples per row from which the rows hold filtered values: fewer cannot be smoothed without delay.
 SMOOTHED_FROM = 5
@@ -38,8 +39,6 @@ SMOOTHED_FROM = 5
 _REGULAR = 0.5  #: Relative difference of an interval from the usual one that is still jitter.
 _IRREGULAR_SAMPLES = 10  #: In a row: then the sensor has another rate.
 _PHASE_GAIN = 0.1  #: Share of a stamp's deviation that is the clock's.
-_CLEAN, _DOUBT = 0.1, 3.0  #: Intervals; so many times the jitter beyond it, a stamp is off before it tells anything.
-_SOON = 0.1  #: Intervals; as much as passes between two samples of one jittery time.
 _INTERVALS = 51  #: Of which the first guess of the interval is the median, and over which jitter is averaged.
 #: Relative differences of a step: that begin rows anew (of the interval: from which samples are read between), and up
 #: to which it is the same one.
@@ -89,21 +88,21 @@ class SampleClock:
             self.interval = float(newest.sum() / max(np.round(newest / np.median(newest)).sum(), 1.0))
         since = self._behind + elapsed
         relative = since / self.interval
-        doubt = _DOUBT * max(self._jitter - _CLEAN, 0.0)
+        doubt = THREE_STD * max(self._jitter - JITTER, 0.0)
         more = math.copysign(max(round(abs(relative - 1.0) - doubt), 0), relative - 1.0)
         intervals = max(1 + int(more), 0 if self.count > _INTERVALS else 1)
         deviation = relative - intervals
         if self._has_another_rate(elapsed):
             return Sampled(elapsed, 1)
         if intervals == 0:
-            passed = elapsed if doubt == 0.0 else _SOON * self.interval
+            passed = elapsed if doubt == 0.0 else JITTER * self.interval
             self._behind, self._told = since, self._told + passed
             return Sampled(passed, 0)
         told, self._told = self._told, 0.0
         self._jitter += (min(abs(deviation), 0.5) - self._jitter) / _INTERVALS
         self.interval *= 1.0 + 0.25 * _PHASE_GAIN**2 * deviation / intervals
         self._behind = (1.0 - _PHASE_GAIN) * deviation * self.interval
-        return Sampled(max(since - self._behind - told, _SOON * self.interval), intervals)
+        return Sampled(max(since - self._behind - told, JITTER * self.interval), intervals)
 
     def _has_another_rate(self, elapsed: float) -> bool:
         """Whether the sensor has: so many intervals in a row are unusual, and alike; then begin with them."""
@@ -160,6 +159,11 @@ class RowClock:
     def interval(self) -> float:
         """Usual time between samples, s; NaN while unknown."""
         return self.sensor.interval
+
+    @property
+    def longest_filled(self) -> float:
+        """s, a radian of the motion; what is lost for longer is not known."""
+        return self.period / math.tau
 
     @property
     def since_row(self) -> float:
@@ -231,7 +235,7 @@ class RowClock:
             ticks = math.floor((elapsed - first) / self._tick + 1.0 + 1e-6)
             self._lag = self._lag + elapsed - ticks * self._tick
             shares = [min((first + place * self._tick) / elapsed, 1.0) for place in range(ticks)]
-        if elapsed > max(LONGEST_FILLED * self.period, 1.5 * self.interval):
+        if elapsed > max(self.longest_filled, 1.5 * self.interval):
             # the rows to come are whole steps after those before, and of so many samples: fewer are less smooth
             ticks = max(round(self._ticks + elapsed / self._tick), 1)
             missing = math.ceil((ticks - 1) / self.samples)
@@ -243,7 +247,7 @@ class RowClock:
             ]
         else:
             rows = []
-        if elapsed > 0.5 * LONGEST_FILLED * self.period:
+        if elapsed > 0.5 * self.longest_filled:
             # the others have no slopes: over half as long a line errs by 3 %, over all of it a cubic by .3 %
             before[len(ATTITUDE) :] = self._values[len(ATTITUDE) :] = [math.nan] * (len(CHANNELS) - len(ATTITUDE))
         for share in shares:

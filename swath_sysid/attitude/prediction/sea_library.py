@@ -17,6 +17,7 @@ from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.state_space import CONTRADICTED, STRAIN_TIME, cubic_weights
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.accelerator import accelerated
+from swath_sysid.common.conventions import NEGLIGIBLE
 
 MEMBERS = 256
 
@@ -39,8 +40,7 @@ LIFETIME = 12.0  #: Periods after which all members begin again; half as long af
 
 TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any member.
 
-#: Rows ahead, of the library's own, after which a forecast is the level; a member of less relative weight is dropped.
-FURTHEST, LEAST_WEIGHT = 28, 1e-3
+FURTHEST = 28  #: Rows ahead, of the library's own, after which a forecast is the level.
 
 _SAME_PERIOD = 1.2  #: Ratio between the numbers of rows in a period for which there are predictors.
 _LARGEST = 4.0 * CONTRADICTED
@@ -155,7 +155,7 @@ class AxisSeas:
         innovations = (self._white[:, : readings.size, : readings.size] @ readings)[:, None]
         ahead = self._white[:, : readings.size, MAX_LAGS : MAX_LAGS + 2 * self._nodes]
         self._issued.append(((innovations @ ahead[:, :, 6:8])[:, 0], self._moments[:, 3].copy()))
-        keep = weight > LEAST_WEIGHT
+        keep = weight > NEGLIGIBLE
         self._members = weight / weight.sum(), size, innovations, ahead, self._moments
         self._mixture = None
         if 2 * np.count_nonzero(keep) < keep.size:

@@ -4,6 +4,7 @@ The state is the leading canonical variates of the lags behind and the rows ahea
 De Moor 1996, chapter 4, CVA weighting). A, K, C and S are regressions on states, from the Gram matrix of the lags.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,11 +12,12 @@ import numpy as np
 from scipy import fft
 from scipy.linalg import cholesky, eigh, solve_triangular
 
-from swath_sysid.attitude.prediction.rows import LONGEST_FILLED, ROWS_A_PERIOD
+from swath_sysid.attitude.prediction.hull_state import NOW
+from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsModel, side_by_side, whole_lags
 
-# lags on either side, and the periods that they reach back at the most
-MAX_LAGS, _LONGEST_REACH, _MIN_LAGS = 40, 2.0, 2
+# lags on either side
+MAX_LAGS, _MIN_LAGS = 40, 2
 _STATES_A_CHANNEL = 7
 ROWS_A_COEFFICIENT = 8.0
 _LAGS_A_STATE = 2.0
@@ -115,7 +117,7 @@ def lags_for(rows: np.ndarray, most: int) -> int | None:
 
 def max_lags(step: float, period: float) -> int:
     """Lags on either side, however much data there is."""
-    return min(MAX_LAGS, round(_LONGEST_REACH * period / step))
+    return min(MAX_LAGS, round(NOW * period / step))
 
 
 def broken(rows: np.ndarray, lags: int) -> bool:
@@ -135,7 +137,7 @@ def fill_short_gaps(rows: np.ndarray) -> np.ndarray:
     result = rows.copy()
     edges = np.diff(np.concatenate([[0], ~complete, [0]]).astype(int))
     first, length = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
-    for lost in range(1, round(LONGEST_FILLED * ROWS_A_PERIOD) + 1):
+    for lost in range(1, round(ROWS_A_PERIOD / math.tau) + 1):
         gaps = first[length == lost]
         for side in _SIDES if gaps.size else ():
             if whole_lags(complete, 2 * side + lost).sum() < ROWS_A_COEFFICIENT * 2 * side * width:
