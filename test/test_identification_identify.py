@@ -22,7 +22,7 @@ from swath_sysid.attitude.hull.catalogue import (
     published_alike,
 )
 from swath_sysid.attitude.hull.craft_simulator import SensorNoise, simulated_trial
-from swath_sysid.attitude.hull.decay_model import DecayModel, composed
+from swath_sysid.attitude.hull.decay_model import DecayModel, amplitude_curves, composed
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.identification import fit_quality
 from swath_sysid.attitude.identification.fit_quality import (
@@ -385,6 +385,19 @@ def test_the_next_release_of_a_published_hull_is_reproduced(name):
     assert set(found.model.terms) < set(GENERAL_HULL.terms)
     assert equation_named(found.model.equation.name).terms == found.model.equation.terms
     assert found.identified_model({}).posterior == found.posterior
+
+
+def test_the_smoothing_of_friction_does_not_lower_the_damping_at_small_amplitudes():
+    """Of a hull that friction stops: its loss, 4 b0 a a cycle, is known to the last swing."""
+    hull = DecayModel.of(b0=0.06, b1=0.1, r1=9.87, friction_rate=1e-4, axis='roll')
+    time, rng = np.arange(0.0, 16.0, 0.05), np.random.default_rng(3)
+    angle, rate = simulate(hull, 0.3, 0.0, time)
+    noisy = angle + 2e-5 * rng.normal(size=time.size), rate + 1e-4 * rng.normal(size=time.size)
+    found, smallest = identify([AxisMotion('roll', time, *noisy)]), np.array([0.012])
+    (of_found,), (of_hull,) = (
+        amplitude_curves(model.ratios, smallest, model.friction_rate).damping_ratio for model in (found.model, hull)
+    )
+    assert of_found == pytest.approx(of_hull, rel=0.02)
 
 
 @pytest.mark.parametrize('measured', ['angle', 'angle and rate'])

@@ -221,6 +221,33 @@ def test_slow_noise_does_not_hide_that_a_released_craft_loses_motion_to_friction
     assert whole >= 8
 
 
+@pytest.mark.parametrize('scale', [1.0, 10.0])
+def test_the_rate_shows_a_decay_that_the_slow_noise_of_an_attitude_filter_hides(scale):
+    """It is a tenth of the angle and turns the order of half-cycles, which lose 5 % each."""
+    time, known = np.arange(0.0, 46.0, 1 / 25.0), {'rate': 0, 'angle': 0}
+    angle, rate = released(time - 3.0, np.radians(2.0), 0.016)
+    for seed in range(6):
+        white = np.random.default_rng(seed).normal(size=time.size)
+        slow = np.convolve(white, np.exp(-np.arange(60) / 7.0))[: time.size]
+        hidden = angle + 0.1 * angle[0] * slow / slow.std()
+        for name, given_rate in (('rate', rate / scale), ('angle', None)):
+            found = find_decays(AxisMotion('roll', scale * time, hidden, given_rate))
+            known[name] += [each.beginning for each in found] == ['released']
+    assert known == {'rate': 6, 'angle': 3}
+
+
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+def test_where_a_hand_holds_the_craft_last_is_not_its_trim(sign):
+    """Light damping and long holds to one side: the last third of the record is mostly held there."""
+    time, angle = np.arange(0.0, 68.0, 1 / 25.0), np.empty(1700)
+    for start, size in ((0.0, -12.0), (17.0, 9.0), (34.0, 9.0), (51.0, -10.0)):
+        part = (time >= start) & (time < start + 17.0)
+        swing = released(time[part] - start - 8.0, np.radians(size), 0.011)[0]
+        angle[part] = np.where(time[part] < start + 2.0, swing * (time[part] - start) / 2.0, swing)
+    found = find_decays(motion_of(time, sign * angle, noise=0.1))
+    assert {8.0, 59.0} <= {float(np.round(each.start)) for each in found}
+
+
 @pytest.mark.parametrize('hull', ['swath-pitch', 'swath-usv-pitch', 'hydrofoil-pitch'])
 @pytest.mark.parametrize('rate_hz', [5.0, 10.0])
 def test_a_small_sparse_release_at_the_start_of_the_record(hull, rate_hz):

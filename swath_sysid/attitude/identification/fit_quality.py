@@ -29,7 +29,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, THREE_STD, TWO_STD, UNCERTAIN
 from swath_sysid.common.covariance import NOT_SEPARABLE, correlation
 from swath_sysid.common.judgement import Finding, Judgement
-from swath_sysid.common.signals import white_noise
+from swath_sysid.common.signals import running_integral
 
 UPPER_PART = 0.9  #: Share of the draws whose error is smaller than the stated error.
 DRAWS = 100  #: Hulls of the posterior that are simulated, of ten times as many that are drawn.
@@ -437,16 +437,19 @@ def unexplained_share(found: DecayFit, quantity: str) -> float:
 
 
 def rate_mismatch(motion: AxisMotion, period: float) -> float:
-    """Rms difference of the rate and the angle's slope over a sixth of a period, over the rate; zero without both. The
-    contributions of the angle's white noise and of an uncalibrated gyroscope's offset are subtracted.
+    """Difference of the rate and the angle's slope over a sixth of a period that is in phase with the motion or a
+    quarter period off, over the rate; zero without both. What is in neither is noise. The contribution of an
+    uncalibrated gyroscope's offset is subtracted.
     """
     span = max(1, round(period / 6.0 / motion.sample_interval))
     if motion.angle is None or motion.rate is None or motion.size < 8 * span:
         return 0.0
-    at = np.arange(motion.size - span)
-    elapsed = motion.time[at + span] - motion.time[at]
-    integral = np.concatenate([[0.0], np.cumsum(0.5 * (motion.rate[1:] + motion.rate[:-1]) * np.diff(motion.time))])
-    slope, rate = (motion.angle[at + span] - motion.angle[at]) / elapsed, (integral[at + span] - integral[at]) / elapsed
-    noise = np.sqrt(2.0) * white_noise(motion.angle) / float(np.median(elapsed))
-    offset = max(abs(float(np.mean(slope - rate))) - MAX_OFFSET, 0.0)
-    return float(np.hypot(np.sqrt(max(np.var(slope - rate) - noise**2, 0.0)), offset) / max(np.std(rate), 1e-12))
+    before, after = slice(None, -span), slice(span, None)
+    elapsed, integral = motion.time[after] - motion.time[before], running_integral(motion.rate, motion.time)
+    slope, rate = ((each[after] - each[before]) / elapsed for each in (motion.angle, integral))
+    early = np.pi / period * (motion.angle[after] + motion.angle[before])
+    moved = np.column_stack([each - each.mean() for each in (rate, early)])
+    apart, spread = slope - rate, max(float(np.std(rate)), 1e-12)
+    shares = np.linalg.lstsq(moved, apart - apart.mean(), rcond=None)[0]
+    offset = max(abs(float(apart.mean())) - MAX_OFFSET, 0.0) / spread
+    return float(np.linalg.norm([*shares, offset]))

@@ -109,9 +109,12 @@ along_row = accelerated(one_by_one, all_at_once)
 
 @accelerated
 def move_hull(f: np.ndarray, stiffness: Any, damping: Any, step: float) -> None:
-    """The part of the transition that depends on the motion, in place: the matrix exponential to third order."""
-    k, c, h2, h3 = stiffness, damping, step * step / 2.0, step * step * step / 6.0
-    by_moment, by_slope = step - h2 * c + h3 * (c * c - k), h2 - h3 * c
+    """The part of the transition that depends on the motion, in place: the matrix exponential to third order, with
+    Pade's approximants in the damping, which is stiff where dry friction stops the craft.
+    """
+    k, c, x = stiffness, damping, damping * step
+    by_moment = step / (1.0 + x / 2.0 + x * x / 12.0) - step * step * step / 6.0 * k
+    by_slope = 0.5 * step * step / (1.0 + x / 3.0)
     kept = 1.0 - k * by_slope
     f[X, X], f[X, RATE], f[X, MOMENT] = kept, by_moment, by_slope
     f[RATE, X], f[RATE, RATE] = -k * by_moment, kept - c * by_moment

@@ -21,7 +21,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import bin_means, running_integral, weighting_noise
 
 #: Dry friction is smoothed over this share of the greatest rate, wide enough for the usual integration step.
-FRICTION_RATE_SHARE = 0.02
+FRICTION_RATE_SHARE = 0.005
 
 #: Samples per period to which much denser records are averaged, at an error below 1e-5 of the amplitude.
 AVERAGED = 400
@@ -122,11 +122,14 @@ def _joint_problem(motions: Sequence[AxisMotion], found: Sequence[tuple[DecaySeg
 
 
 def to_be_fitted(decays: Sequence[DecaySegment]) -> tuple[DecaySegment, ...]:
-    """Of the decays of one record, the best first: that one, and the others released that are long enough, by time."""
+    """Of the decays of one record, the best first: that one, and the others released, by time. They are long enough, or
+    even the best is not.
+    """
     return tuple(
         segment
         for segment in sorted(decays, key=lambda decay: decay.start)
-        if segment is decays[0] or (segment.beginning == 'released' and segment.cycles >= MIN_CYCLES)
+        if segment is decays[0]
+        or (segment.beginning == 'released' and (segment.cycles >= MIN_CYCLES or decays[0].cycles < MIN_CYCLES))
     )
 
 

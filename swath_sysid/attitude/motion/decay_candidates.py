@@ -5,7 +5,7 @@ quadratic and cubic damping, none negative, the loss per half-cycle never grows.
 `segmentation` rejects them.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import compress, pairwise
@@ -16,7 +16,6 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from swath_sysid.attitude.motion import turning_points
-from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.turning_points import EvenSignal
 
 #: Part of the first double amplitude below which a candidate has ended: 1.5 % carries no information.
@@ -136,8 +135,10 @@ class DecayCandidate:
 
     @property
     def is_suited(self) -> bool:
-        """Whether its grid is the one on which to look at its period."""
-        return turning_points.suits(self.signal, self.period) and self.end > self.release
+        """Whether its grid is the one on which to look at its period, and shows the part that times a half-cycle."""
+        steep = (HELD - 0.5) * self.double_amplitudes[0]
+        is_timed = not self.is_single or steep >= turning_points.prominence_of(self.signal)
+        return is_timed and turning_points.suits(self.signal, self.period) and self.end > self.release
 
     def _near(self, turn: int, first: int) -> tuple[float | None, float | None]:
         """First and last time, s, near turning point ``turn`` in the half-cycle from turning point ``first`` on."""
@@ -332,10 +333,10 @@ class TurnedSignal(NamedTuple):
     bridged: np.ndarray  #: ndarray of bool, shape (M - 1,); as of `DecayCandidate`.
 
 
-def turned_signals(motion: AxisMotion) -> list[TurnedSignal]:
-    """A motion without long pauses, on every grid on which it moves."""
+def turned_signals(levels: Iterable[EvenSignal]) -> list[TurnedSignal]:
+    """The turning points of a motion without long pauses, on those of its grids on which it moves."""
     found = []
-    for signal in turning_points.pyramid(turning_points.even_signal(motion)):
+    for signal in levels:
         least = turning_points.prominence_of(signal)
         if least == 0.0:
             continue

@@ -87,10 +87,13 @@ class DecaySegment:
 
 def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first."""
-    pieces = [turned_signals(piece) for piece in turning_points.split_at_pauses(motion)]
-    decays = [decay for piece in pieces for decay in _decays_among(_sizable(find_candidates(piece)))]
-    if not decays:
-        decays = [decay for piece in pieces for decay in _decays_among(_released(find_candidates(piece, IRREGULAR)))]
+    pieces, decays = turning_points.split_at_pauses(motion), []
+    for piece in pieces:
+        signals = turned_signals(turning_points.pyramid(turning_points.even_signal(piece)))
+        decays += _decays_among(_sizable(find_candidates(signals)))
+    for piece in [] if decays else pieces:
+        signals = turned_signals(turning_points.steadied_pyramid(piece))
+        decays += _decays_among(_released(find_candidates(signals, IRREGULAR)))
     segments = [_segment_of(_without_the_push(candidate, decays), motion) for candidate in _apart(decays)]
     return tuple(_until_the_next(each, segments) for each in segments)
 
@@ -187,18 +190,25 @@ def _together(possible: Sequence[DecayCandidate], free: Sequence[DecayCandidate]
 
 
 def _is_rhythmic(candidate: DecayCandidate) -> bool:
-    """Long enough to show a rhythm, which its first half-cycle keeps, and truly decaying."""
+    """Long enough to show a rhythm, which its first two half-cycles keep, and truly decaying."""
     if candidate.double_amplitudes.size < MIN_HALF_CYCLES or candidate.decrement < MIN_DECREMENT:
         return False
     if candidate.end - candidate.release < candidate.period:
         return False
-    return 1.0 / ASYMMETRY < 2.0 * candidate.first_half_duration / candidate.period < ASYMMETRY
+    following = float(np.diff(candidate.time[candidate.first + 1 : candidate.first + 3])[0])
+    halves = candidate.first_half_duration, following
+    return all(1.0 / ASYMMETRY < 2.0 * half / candidate.period < ASYMMETRY for half in halves)
 
 
 def _comes_to_trim(candidate: DecayCandidate) -> bool:
-    """Whether it ends nearer to where the craft is in the last third of the record: a hand inclines it first."""
-    trim = candidate.signal.final_level
-    return abs(candidate.value[candidate.last] - trim) < abs(candidate.value[candidate.first] - trim)
+    """Whether it ends nearer than it begins to where the craft is in the last third of the record, or oscillates about
+    a level nearer to where it is from then on: a hand inclines it first.
+    """
+    signal, first = candidate.signal, candidate.value[candidate.first]
+    if abs(candidate.value[candidate.last] - signal.final_level) < abs(first - signal.final_level):
+        return True
+    trim = float(np.median(signal.value[signal.index(candidate.release) :]))
+    return not candidate.is_single and abs(candidate.centre - trim) < abs(first - trim)
 
 
 def _apart(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
@@ -430,7 +440,7 @@ def _within_a_bound(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     candidates = [
         candidate
         for piece in turning_points.split_at_pauses(motion)
-        for candidate in find_candidates(turned_signals(piece))
+        for candidate in find_candidates(turned_signals(turning_points.pyramid(turning_points.even_signal(piece))))
         if candidate.is_suited and candidate.double_amplitudes.size >= 2
     ]
     largest = max((candidate.double_amplitudes[0] for candidate in candidates), default=0.0)

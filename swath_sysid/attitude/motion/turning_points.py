@@ -14,7 +14,14 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from swath_sysid.attitude.motion.trial import AxisMotion
-from swath_sysid.common.signals import bin_means, noise_level, prominent_maxima, quantum, without_spikes
+from swath_sysid.common.signals import (
+    bin_means,
+    noise_level,
+    prominent_maxima,
+    quantum,
+    running_integral,
+    without_spikes,
+)
 
 MAX_SAMPLES = 65536  #: Longer records are averaged down to this many samples: 20 per period in an hour of 1 s periods.
 MIN_PER_PERIOD = 32  #: Samples per period on the coarsest grid used: its smoothing takes 2 % of the amplitude at most.
@@ -169,7 +176,9 @@ def even_signal(motion: AxisMotion) -> EvenSignal:
         resolution = 0.0
     even = without_spikes(np.interp(start + interval * np.arange(number), time, value))
     gaps = find_gaps(motion, longer_than=4.0 * interval)
-    return EvenSignal(quantity, start, interval, even, noise_level(even), resolution, gaps, record_end=record_end)
+    # rounded values lie on no grid but that of their own times
+    noise = min(noise_level(even), noise_level(value))
+    return EvenSignal(quantity, start, interval, even, noise, resolution, gaps, record_end=record_end)
 
 
 def pyramid(signal: EvenSignal) -> Iterator[EvenSignal]:
@@ -188,6 +197,20 @@ def pyramid(signal: EvenSignal) -> Iterator[EvenSignal]:
             value=0.5 * (level.value[0:even:2] + level.value[1:even:2]),
             noise=level.noise / np.sqrt(2.0),
         )
+
+
+def steadied_pyramid(motion: AxisMotion) -> Iterator[EvenSignal]:
+    """`pyramid` of an angle whose changes within a period are those of the rate's integral, where both were measured:
+    the slow noise of an attitude filter hides how half-cycles shrink.
+    """
+    even = even_signal(motion)
+    if motion.angle is None or motion.rate is None:
+        yield from pyramid(even)
+        return
+    turned = np.interp(even.time, motion.time, running_integral(motion.rate, motion.time))
+    for angle, fast in zip(pyramid(even), pyramid(replace(even, value=turned, noise=noise_level(turned))), strict=True):
+        slow = gaussian_filter1d(angle.value - fast.value, MIN_PER_PERIOD, mode='nearest')
+        yield replace(fast, value=fast.value + slow)
 
 
 def suits(signal: EvenSignal, period: float) -> bool:
