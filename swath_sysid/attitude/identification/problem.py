@@ -20,7 +20,7 @@ from swath_sysid.common.covariance import ParameterCovariance, sandwich_covarian
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import bin_means, running_integral, weighting_noise
 
-#: Dry friction is smoothed over this share of the greatest rate, wide enough for the usual integration step.
+#: Dry friction is smoothed over this share of the greatest rate, narrow enough not to bias the loss of the last swings.
 FRICTION_RATE_SHARE = 0.005
 
 #: Samples per period to which much denser records are averaged, at an error below 1e-5 of the amplitude.

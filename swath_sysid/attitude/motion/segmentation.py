@@ -87,13 +87,14 @@ class DecaySegment:
 
 def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first."""
-    pieces, decays = turning_points.split_at_pauses(motion), []
-    for piece in pieces:
-        signals = turned_signals(turning_points.pyramid(turning_points.even_signal(piece)))
-        decays += _decays_among(_sizable(find_candidates(signals)))
-    for piece in [] if decays else pieces:
-        signals = turned_signals(turning_points.steadied_pyramid(piece))
-        decays += _decays_among(_released(find_candidates(signals, IRREGULAR)))
+    pieces = turning_points.split_at_pauses(motion)
+    grids = [list(turning_points.pyramid(turning_points.even_signal(piece))) for piece in pieces]
+    found = (_sizable(find_candidates(turned_signals(levels))) for levels in grids)
+    decays = [decay for candidates in found for decay in _decays_among(candidates)]
+    if not decays:
+        steadied = map(turning_points.steadied, grids, pieces)
+        found = (_released(find_candidates(turned_signals(levels), IRREGULAR)) for levels in steadied)
+        decays = [decay for candidates in found for decay in _decays_among(candidates)]
     segments = [_segment_of(_without_the_push(candidate, decays), motion) for candidate in _apart(decays)]
     return tuple(_until_the_next(each, segments) for each in segments)
 

@@ -199,18 +199,19 @@ def pyramid(signal: EvenSignal) -> Iterator[EvenSignal]:
         )
 
 
-def steadied_pyramid(motion: AxisMotion) -> Iterator[EvenSignal]:
-    """`pyramid` of an angle whose changes within a period are those of the rate's integral, where both were measured:
-    the slow noise of an attitude filter hides how half-cycles shrink.
+def steadied(levels: Sequence[EvenSignal], motion: AxisMotion) -> Sequence[EvenSignal]:
+    """The `pyramid` of a motion's angle with the changes within a period from the rate's integral, where both were
+    measured: the slow noise of an attitude filter hides how half-cycles shrink.
     """
-    even = even_signal(motion)
     if motion.angle is None or motion.rate is None:
-        yield from pyramid(even)
-        return
+        return levels
+    even = levels[0]
     turned = np.interp(even.time, motion.time, running_integral(motion.rate, motion.time))
-    for angle, fast in zip(pyramid(even), pyramid(replace(even, value=turned, noise=noise_level(turned))), strict=True):
+    found = []
+    for angle, fast in zip(levels, pyramid(replace(even, value=turned, noise=noise_level(turned))), strict=True):
         slow = gaussian_filter1d(angle.value - fast.value, MIN_PER_PERIOD, mode='nearest')
-        yield replace(fast, value=fast.value + slow)
+        found.append(replace(fast, value=fast.value + slow))
+    return found
 
 
 def suits(signal: EvenSignal, period: float) -> bool:
