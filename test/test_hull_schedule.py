@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.hull.decay_model import RATIO_RANGES, DecayModel, check_physical
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel, ScheduledModel, models_at
-from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.hull.terms import TERM_NAMES, Scales
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import model_file
@@ -161,6 +161,9 @@ def test_the_ranges_are_those_of_the_quickest_craft_at_the_smallest_amplitude_an
         check_physical(hull.model)
     for period, damping_ratio in itertools.product((0.0501, 3.0, 999.0), (0.0, 1.9)):
         check_physical(linear(period, damping_ratio))
+        scales = Scales(math.radians(5.0), 2.0 * math.pi / period)
+        most = 0.5 * scales.amplitude * scales.frequency**2
+        check_physical(linear(period, damping_ratio, b0=most, friction_rate=scales.friction_rate))
     # a hull that capsizes is a hull
     check_physical(DecayModel.of(b1=0.3, b2=0.1, r1=-2.0, r3=80.0))
 

@@ -21,6 +21,7 @@ from swath_sysid.attitude.hull.terms import (
     ANGLE,
     AT,
     DAMPING_NAMES,
+    FRICTION_RATE_SHARE,
     LINEAR_RESTORING,
     RATE,
     RESTORING_NAMES,
@@ -195,7 +196,8 @@ def check_physical(model: DecayModel) -> None:
     _check('the trim in rad', model.trim, -math.pi, math.pi)
     _check('friction_rate in rad/s', model.friction_rate, *FRICTION_RATES)
     by_angle, by_rate = model.jacobian(model.trim, 0.0)
-    _check('the damping at rest, b1 + b0/friction_rate in 1/s,', -by_rate, *RATIO_RANGES['b1'])
+    stiffest = RATIO_RANGES['b1'][1] + UPPER[AT.b0] / FRICTION_RATE_SHARE * math.sqrt(abs(by_angle))
+    _check('the damping at rest, b1 + b0/friction_rate in 1/s,', -by_rate, 0.0, stiffest)
     if by_angle < 0.0:
         period = 2.0 * math.pi / math.sqrt(-by_angle)
         _check('the natural period in s', period, *PERIODS)

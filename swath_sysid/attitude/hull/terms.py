@@ -147,6 +147,10 @@ def term_moments(x: Value, rate: Value, friction_rate: float) -> np.ndarray:
     return moments
 
 
+#: Dry friction is smoothed over this share of the greatest rate, narrow enough not to bias the loss of the last swings.
+FRICTION_RATE_SHARE = 0.005
+
+
 @dataclass(frozen=True)
 class Scales:
     """Amplitude and frequency of the records under identification."""
@@ -158,6 +162,11 @@ class Scales:
     def rate(self) -> float:
         """Amplitude of the rate, rad/s."""
         return self.amplitude * self.frequency
+
+    @property
+    def friction_rate(self) -> float:
+        """Over which dry friction is smoothed, rad/s."""
+        return FRICTION_RATE_SHARE * self.rate
 
     @property
     def ratio_units(self) -> np.ndarray:

@@ -20,9 +20,6 @@ from swath_sysid.common.covariance import ParameterCovariance, sandwich_covarian
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import bin_means, running_integral, weighting_noise
 
-#: Dry friction is smoothed over this share of the greatest rate, narrow enough not to bias the loss of the last swings.
-FRICTION_RATE_SHARE = 0.005
-
 #: Samples per period to which much denser records are averaged, at an error below 1e-5 of the amplitude.
 AVERAGED = 400
 
@@ -166,7 +163,7 @@ def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]
         states=states,
         scales=scales,
         noise=noise,
-        friction_rate=FRICTION_RATE_SHARE * scales.rate,
+        friction_rate=scales.friction_rate,
         advice=tuple(dict.fromkeys(advice)),
     )
 
