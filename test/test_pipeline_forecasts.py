@@ -1,28 +1,30 @@
 """The forecast pipeline, of readings as the predictor publishes it and of whole records, as plain numbers."""
 
+import copy
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from imu_stream import EPOCH_NS, NOT_GIVEN, decay_stream, reading
-from records_at_sea import sea
+from records_at_sea import sea, swell
 from scipy.spatial.transform import Rotation
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.prediction.forecast import Wanted, nothing
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_state import LARGEST_ANGLE_VARIANCE
-from swath_sysid.attitude.prediction.point import PointMotion
-from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
+from swath_sysid.attitude.prediction.point import Point, PointMotion
+from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
-from swath_sysid.formats.forecast_output import ForecastMessages
+from swath_sysid.formats.forecast_output import ForecastMessages, forecast_topics, wanted_for
 from swath_sysid.formats.messages import imu_reading, stamp_ns, typestore
-from swath_sysid.formats.topics import type_of
+from swath_sysid.formats.topics import CALM_TOPIC, NEXT_TOPIC, SEA_TOPIC, type_of
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.pipeline.record_run import run_through
+from swath_sysid.pipeline.record_run import run_through, samples_of
 
 RATE, SENT = 50.0, ForecastMessages('craft')
 SETTINGS = PipelineSettings(forecaster=ForecasterSettings(leads=(0.5, 1.0), horizon=2.0, forecast_rate=10.0))
@@ -76,9 +78,112 @@ def test_orientation_rates_and_their_variances_are_of_body_axes(decay):
     assert message.rates_covariance[4] == variance[3]
 
 
+@pytest.mark.parametrize(
+    ('trial', 'points'),
+    [(sea(40.0), ()), pytest.param(swell(200.0)[0], ('sensor', 'bow'), marks=pytest.mark.long)],
+    ids=['craft', 'points'],
+)
+def test_who_comes_later_gets_the_forecast_of_who_was_there_from_the_start(trial, points):
+    """Whoever listens, the same is learnt; for nobody, nothing is worked out but what is learnt from."""
+    late = trial.time.size - 50
+    points = tuple(Point(name, (2.5 * place, 0.0, 0.0)) for place, name in enumerate(points))
+    at_points = tuple(PointLimits(point.name, vertical_velocity=0.9) for point in points)
+    limits = QuiescenceLimits(roll=0.2, duration=1.0, points=at_points)
+    how = ForecasterSettings((0.05, 0.5, 1.0), 2.0, 0.1, 5.0, points=points, quiescence=limits)
+    asked = {'everything': Wanted(), 'nothing': nothing(), 'a lead': Wanted(0.5, False, True, False, False)}
+    pipelines = {name: ForecastPipeline(PipelineSettings(forecaster=how)) for name in asked}
+    seldom = 0
+    for number, sample in enumerate(samples_of(trial)):
+        steps = {}
+        for name, pipeline in pipelines.items():
+            wanted = asked[name] if number < late else Wanted()
+            step = pipeline.finish(pipeline.begin(pipeline.intake.place(sample)), lambda wanted=wanted: wanted)
+            if number == 200:
+                pipeline.set_models({'roll': craft(4.0)})
+            if step.sea_request is not None:
+                pipeline.install(fit_sea(step.sea_request))
+            steps[name] = step._replace(sea_request=None)
+        every, none, lead = steps.values()
+        if number >= late:
+            assert_same(none, every)
+            assert_same(lead, every)
+        elif every.forecast is not None:
+            seldom += none.horizon is None
+            assert none.forecast is None
+            assert_same(lead.forecast, every.forecast.chosen(slice(2)))
+    assert set(every.forecast.points) == {point.name for point in points} and 0.0 < every.outlook.quiescence < 1.0
+    assert seldom > 0.1 * late
+    of_every, *of_others = (each.forecaster.quiescence_reliability() for each in pipelines.values())
+    assert of_every.count.sum() > 20
+    for each in of_others:
+        assert_same(each, of_every)
+
+
+def test_every_message_leaves_to_who_subscribes_to_it_and_all_of_them_to_who_does_to_all():
+    frames, limits = (1.0,), QuiescenceLimits(roll=0.2, duration=1.0)
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=replace(SETTINGS.forecaster, quiescence=limits)))
+    *before, last = samples_of(sea(20.0))
+    for sample in before:
+        pipeline.add_sample(sample)
+    published = (0.5, 1.0), (), frames
+
+    def sent_to(heard):
+        others = copy.deepcopy(pipeline)
+        step = others.finish(others.begin(others.intake.place(last)), lambda: wanted_for(heard, *published))
+        return dict(ForecastMessages('craft', frames, heard.__contains__).of(step))
+
+    # one sample ahead and the sea have their own way
+    topics = set(forecast_topics(*published)) - {NEXT_TOPIC, SEA_TOPIC}
+    whole = sent_to(topics)
+    assert wanted_for(topics, *published) == Wanted(1.0) and set(whole) == topics and len(topics) == 8
+    for topic in ('', *topics):
+        # a later subscriber gets the last window of calm
+        sent = {name: raw for name, raw in sent_to({topic}).items() if name in (topic, CALM_TOPIC)}
+        assert sent_to({topic}) == sent == {name: whole[name] for name in sent} and set(sent) >= {topic} & topics
+
+
+def test_points_that_somebody_subscribes_to_are_worked_out_as_far_ahead_as_that():
+    published = (0.5, 1.0), ('bow',), ()
+    for topic, wanted in {
+        'forecast/bow/lead_1_0s': (1.0, False, True),
+        'forecast/bow/acceleration_0_5s': (0.5, False, True),
+        'forecast/bow/horizon': (0.0, True, True),
+        'forecast/lead_0_5s': (0.5, False, False),
+    }.items():
+        assert topic in forecast_topics(*published)
+        assert wanted_for({topic}, *published) == Wanted(*wanted, False, False)
+
+
+def test_who_asks_for_the_diagnostics_is_told_the_valid_leads():
+    told = []
+    for wanted in (Wanted(), nothing()):
+        pipeline = ForecastPipeline(SETTINGS)
+        for sample in samples_of(sea(20.0)):
+            pipeline.finish(pipeline.begin(pipeline.intake.place(sample)), lambda wanted=wanted: wanted)
+        told.append(pipeline.diagnostics().valid_leads)
+    assert set(told[0]) == {'roll', 'pitch'} and told[0] == told[1]
+
+
+def assert_same(found, expected, but=()):
+    """Two values, whatever is in them, but for rounding."""
+    if hasattr(expected, '__dataclass_fields__'):
+        found, expected = vars(found), vars(expected)
+    if isinstance(expected, dict):
+        assert set(found) == set(expected)
+        for name in set(expected) - set(but):
+            assert_same(found[name], expected[name])
+    elif isinstance(expected, tuple):
+        for each, other in zip(found, expected, strict=True):
+            assert_same(each, other)
+    elif isinstance(expected, np.ndarray | float):
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    else:
+        assert found == expected
+
+
 def test_without_angles_and_rates_nothing_is_forecast():
-    nothing = {'orientation_covariance': NOT_GIVEN, 'rates_covariance': NOT_GIVEN}
-    pipeline, steps = play(reading(EPOCH_NS + k * 20_000_000, **nothing) for k in range(20))
+    no_motion = {'orientation_covariance': NOT_GIVEN, 'rates_covariance': NOT_GIVEN}
+    pipeline, steps = play(reading(EPOCH_NS + k * 20_000_000, **no_motion) for k in range(20))
     assert all(step.next is None and not step.used for step in steps)
     assert pipeline.counts['no-orientation'] == len(steps)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Set
 from functools import partial
+from itertools import chain
 from math import isfinite, isnan
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from swath_sysid.attitude.motion.attitude import body_rates, conjugate, multiply, quaternion, rotate
 from swath_sysid.attitude.motion.intake import NANOSECOND, NOT_MEASURED
 from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.forecast import Wanted
 from swath_sysid.attitude.prediction.hull_state import LARGEST_ANGLE_VARIANCE, LARGEST_RATE_VARIANCE
 from swath_sysid.formats import messages, topics
 from swath_sysid.formats.messages import SECOND_NS, header, make, serialised
@@ -33,6 +35,7 @@ _LARGEST_VARIANCES = LARGEST_ANGLE_VARIANCE, LARGEST_ANGLE_VARIANCE, LARGEST_RAT
 _UNKNOWN_POSE = np.diag([UNKNOWN_PLACE_VARIANCE] * 2 + [0.0] * 3 + [LARGEST_ANGLE_VARIANCE])
 _UNKNOWN_TWIST = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [0.0] * 2 + [LARGEST_RATE_VARIANCE])
 _UNKNOWN_ACCELERATION = np.diag([UNKNOWN_PLACE_VARIANCE] * 3 + [LARGEST_RATE_VARIANCE] * 3)
+_AT_A_POINT = topics.point_lead_topic, topics.point_acceleration_topic
 _HEAVE_AND_ATTITUDE = np.ix_((0, 3, 4), (0, 3, 4))
 
 
@@ -40,24 +43,42 @@ def forecast_topics(leads: Sequence[float], points: Sequence[str], frames_at: Se
     """Every topic that is published, for leads, s, named points, and frames at leads as `ForecastMessages` has them."""
     found = [topics.NEXT_TOPIC, *map(topics.lead_topic, leads), topics.HORIZON_TOPIC, topics.VALID_LEAD_TOPIC]
     found += [topics.QUIESCENCE_TOPIC, topics.OUTLOOK_TOPIC, topics.CALM_TOPIC, topics.SEA_TOPIC]
-    names_at = topics.point_lead_topic, topics.point_acceleration_topic
     for point in points:
         found.append(topics.point_horizon_topic(point))
-        found += [topic_at(point, lead) for topic_at in names_at for lead in leads]
+        found += [topic_at(point, lead) for topic_at in _AT_A_POINT for lead in leads]
     return [*found, topics.FRAMES_TOPIC] if frames_at else found
+
+
+def wanted_for(
+    heard: Set[str], leads: Sequence[float], points: Sequence[str], frames_at: Sequence[float] = ()
+) -> Wanted:
+    """What the messages of those of `forecast_topics` that somebody subscribes to are made of."""
+    of_frames = frames_at if topics.FRAMES_TOPIC in heard else ()
+    at_points = {lead: [at(point, lead) for at in _AT_A_POINT for point in points] for lead in leads}
+    horizons = [topics.point_horizon_topic(point) for point in points]
+    asked = [
+        lead for lead in leads if lead in of_frames or not heard.isdisjoint([topics.lead_topic(lead), *at_points[lead]])
+    ]
+    return Wanted(
+        max(asked, default=0.0),
+        not heard.isdisjoint([topics.HORIZON_TOPIC, *horizons]),
+        bool(of_frames) or not heard.isdisjoint([*horizons, *chain(*at_points.values())]),
+        not heard.isdisjoint([topics.VALID_LEAD_TOPIC, topics.OUTLOOK_TOPIC]),
+        not heard.isdisjoint([topics.OUTLOOK_TOPIC, topics.QUIESCENCE_TOPIC, topics.CALM_TOPIC]),
+    )
 
 
 class ForecastMessages:
     """The messages of one predictor, in the craft's frame and in ``FRAME_level``, which follows its mean motion. The
     frames predicted at the leads ``frames_at``, s, go to ``/tf``, beside ``FRAME_now``. Those of topics that are not
-    wanted are not made.
+    heard are not made, unless somebody may come to get the last one.
     """
 
     def __init__(
-        self, frame_id: str, frames_at: Sequence[float] = (), is_wanted: Callable[[str], bool] = lambda topic: True
+        self, frame_id: str, frames_at: Sequence[float] = (), is_heard: Callable[[str], bool] = lambda topic: True
     ) -> None:
         self.frame_id = frame_id
-        self._frames_at, self._is_wanted = frames_at, is_wanted
+        self._frames_at, self._is_heard = frames_at, is_heard
         self._level = f'{frame_id}_level'
         self.imu = messages.ImuMessage(frame_id)
         self._templates: dict[tuple, messages.Template] = {}
@@ -75,7 +96,7 @@ class ForecastMessages:
     def of(self, step: ForecastStep) -> Iterator[tuple[str, bytes]]:
         """Topic and message of the forecasts that a finished step leads to."""
         for topic, made in self._due(step):
-            if self._is_wanted(topic):
+            if topic in topics.LATCHED_TOPICS or self._is_heard(topic):
                 yield topic, made()
 
     def all_of(self, step: ForecastStep) -> Iterator[tuple[str, bytes]]:
@@ -86,13 +107,14 @@ class ForecastMessages:
     def _due(self, step: ForecastStep) -> Iterator[tuple[str, Callable[[], bytes]]]:
         """Topic, and what makes its message."""
         forecast, horizon, outlook = step.forecast, step.horizon, step.outlook
-        if forecast is not None and horizon is not None and outlook is not None:
+        if forecast is not None:
             for place, lead in enumerate(forecast.leads.tolist()):
                 yield topics.lead_topic(lead), partial(self._attitude, forecast, place)
+            yield from self._at_points(forecast)
+        if horizon is not None and outlook is not None:
             yield topics.HORIZON_TOPIC, partial(self._horizon, step, horizon)
             yield topics.VALID_LEAD_TOPIC, partial(messages.named_numbers_message, outlook.valid_leads)
             yield topics.OUTLOOK_TOPIC, partial(self._outlook, outlook, horizon.stamp_ns)
-            yield from self._at_points(forecast)
             yield from self._horizons_of_points(horizon)
             if isfinite(outlook.quiescence):
                 kind = topics.TYPES[topics.QUIESCENCE_TOPIC]

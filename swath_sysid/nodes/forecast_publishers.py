@@ -1,12 +1,12 @@
 """What the predictor publishes: the messages of its forecasts, and a publisher of each topic."""
 
-from collections.abc import Mapping
-from functools import partial
+from collections.abc import Callable
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from swath_sysid.formats.forecast_output import ForecastMessages, forecast_topics
+from swath_sysid.attitude.prediction.forecast import Wanted
+from swath_sysid.formats.forecast_output import ForecastMessages, forecast_topics, wanted_for
 from swath_sysid.formats.topics import FRAMES_TOPIC, LATCHED_TOPICS, TYPES, type_of
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import frames_at
@@ -21,19 +21,22 @@ NO_FRAMES = (
 
 def forecast_publishers(
     node: Node, parameters: NodeParameters, health: PredictorHealth
-) -> tuple[ForecastMessages, dict[str, Publisher]]:
-    """The messages of forecasts that somebody subscribes to, and their publishers by topic."""
+) -> tuple[ForecastMessages, dict[str, Publisher], Callable[[], Wanted]]:
+    """The messages of forecasts, their publishers by topic, and what those that somebody subscribes to are made of."""
     frames = frames_at(parameters['frames_at_s'])
     if frames and message_class(TYPES[FRAMES_TOPIC]) is None:
         node.get_logger().error(NO_FRAMES)
         frames = ()
     settings, found = parameters.settings.forecaster, {}
-    for topic in forecast_topics(settings.leads, [point.name for point in settings.points], frames):
+    published = settings.leads, [point.name for point in settings.points], frames
+    for topic in forecast_topics(*published):
         qos = LATCHED if topic in LATCHED_TOPICS else NEWEST
         found[topic] = watched_publisher(node, message_class(type_of(topic)), topic, qos, health)
-    return ForecastMessages(parameters['frame_id'], frames, partial(_is_heard, found)), found
 
+    def is_heard(topic: str) -> bool:
+        return found[topic].get_subscription_count() > 0
 
-def _is_heard(publishers: Mapping[str, Publisher], topic: str) -> bool:
-    """Whether somebody gets its next message, or may come to get the last one."""
-    return topic in LATCHED_TOPICS or publishers[topic].get_subscription_count() > 0
+    def wanted() -> Wanted:
+        return wanted_for(set(filter(is_heard, found)), *published)
+
+    return ForecastMessages(parameters['frame_id'], frames, is_heard), found, wanted

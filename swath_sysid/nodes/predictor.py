@@ -9,6 +9,7 @@ from std_msgs.msg import Float64, String
 
 from swath_sysid.attitude.hull.identified_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
+from swath_sysid.attitude.prediction.forecast import nothing
 from swath_sysid.common.accelerator import why_slower
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading
@@ -46,7 +47,7 @@ class Predictor(Node):
         self.health = PredictorHealth(self.resolve_topic_name(qos.IMU_TOPIC), self.pipeline)
         report_slower(self, self.health, why_slower())
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self._is_in_step)
-        self._messages, self._publisher_of = forecast_publishers(self, self.parameters, self.health)
+        self._messages, self._publisher_of, self._wanted = forecast_publishers(self, self.parameters, self.health)
         self._described: tuple[dict, dict] = {}, {}
         self._published_loading: float | None = None
         # an empty text takes the models away
@@ -89,7 +90,7 @@ class Predictor(Node):
         step = self.pipeline.begin(self.pipeline.intake.take(reading, qos.arrival_time(self)))
         if not is_passed_over:
             self._publish(self._messages.next_of(step))
-        step = self.pipeline.finish(step)
+        step = self.pipeline.finish(step, nothing if is_passed_over else self._wanted)
         self._publish(self._messages.sea_of(step))
         if step.sea_request is not None:
             self.sea.submit(step.sea_request, reading.stamp_ns)

@@ -1,6 +1,6 @@
 """IMU samples and hull models in, forecasts out, as plain numbers: the same for the live node and all offline runs."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from swath_sysid.attitude.hull.catalogue import hull_named
@@ -20,6 +20,7 @@ from swath_sysid.attitude.motion.stamps import (
     StampSettings,
 )
 from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.prediction.forecast import Wanted, everything
 from swath_sysid.attitude.prediction.forecaster import (
     FORECASTER_REASONS,
     Forecaster,
@@ -167,11 +168,11 @@ class ForecastPipeline:
                 self.forecaster.set_model(axis, model)
         self.counts = dict.fromkeys(PIPELINE_REASONS, 0)
 
-    def finish(self, step: ForecastStep) -> ForecastStep:
-        """Complete a step of `begin` with the forecasts that are due."""
+    def finish(self, step: ForecastStep, wanted: Callable[[], Wanted] = everything) -> ForecastStep:
+        """Complete a step of `begin` with the forecasts that are due, as far as they are ``wanted``."""
         if step.sample is not None:
             self.installation.add(step.sample)
-        return self.forecaster.issue(step)
+        return self.forecaster.issue(step, wanted)
 
     def diagnostics(self) -> ForecasterDiagnostics:
         """The running state; see `Forecaster.diagnostics`."""

@@ -189,13 +189,16 @@ class Bank:
         for axis in self._axes:
             axis.rows_since_surprise += steps
 
-    def forecast(self, stamp_ns: int, age: float, lateness: float = 0.0) -> Forecast:
+    def forecast(self, stamp_ns: int, age: float, lateness: float = 0.0, count: int | None = None) -> Forecast:
         """The average of the candidates at the leads after a stamp, which is ``lateness`` s after the newest sample.
 
-        That is ``age`` s after the newest row.
+        That is ``age`` s after the newest row. With a count: at so many of the leads, the first.
         """
         at_row = age == lateness == 0.0 and self._leads_are_rows and self._at_row[0].shape[1] == self._steps.size
-        mean, covariance = self._at_row if at_row else self._forecasts(np.maximum(self._leads + lateness, 0.0), age)
+        if at_row:
+            mean, covariance = (values[:, :count] for values in self._at_row)
+        else:
+            mean, covariance = self._forecasts(np.maximum(self._leads[:count] + lateness, 0.0), age)
         ahead = self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
         centre, largest = np.zeros((2, len(ATTITUDE)))
         for place, axis in enumerate(self._axes):

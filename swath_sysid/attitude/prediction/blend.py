@@ -196,7 +196,7 @@ class Blend:
         noise_variance: float | np.ndarray = 0.0,
         least_variance: float | np.ndarray = 0.0,
     ) -> Forecast:
-        """Weighted average of the true motion at the leads, from the candidates' forecasts issued at this stamp.
+        """Weighted average of the true motion at the first L leads, from the candidates' forecasts of this stamp.
 
         The candidates' means (E, L, M) and covariances (E, L, M, M) are of the true motion, NaN without a forecast;
         ``axis_of`` is each target's axis, the angles come first; no variance is less than ``least_variance``. Within
@@ -207,7 +207,7 @@ class Blend:
         given = (np.array(each, order='C') for each in (mean, covariance, axis_of))
         ahead = Ahead._make((*given, *of_targets, self._regime))
         blended, spread, deviation = combined(self._errors, self._layout, ahead, self.is_after_break)
-        return Forecast(stamp_ns, self._leads, blended, spread, own_deviation=deviation)
+        return Forecast(stamp_ns, self._leads[: mean.shape[1]], blended, spread, own_deviation=deviation)
 
 
 @accelerated

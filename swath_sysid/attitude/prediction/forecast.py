@@ -1,7 +1,8 @@
 """The forecast as a value: the craft's motion at some leads, with its covariance."""
 
+import math
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,26 @@ MISSES = 1.0 - LEVELS.item(1)  #: Share of the errors that the 90 % interval lea
 
 #: Their half widths over the standard deviation.
 NORMAL_QUANTILES = np.array([0.6744897501960817, 1.6448536269514722, 2.5758293035489004])
+
+
+class Wanted(NamedTuple):
+    """What is worked out of a forecast that is due; what is learnt does not depend on it."""
+
+    lead: float = math.inf  #: s; the leads up to this one.
+    horizon: bool = True
+    points: bool = True  #: At the leads and over the horizon.
+    valid_leads: bool = True
+    calm: bool = True  #: The probability of quiet and the next window of calm.
+
+
+def everything() -> Wanted:
+    """All that can be forecast."""
+    return Wanted()
+
+
+def nothing() -> Wanted:
+    """None of it: the sample only feeds the filters."""
+    return Wanted(0.0, *4 * (False,))
 
 
 @dataclass(frozen=True)

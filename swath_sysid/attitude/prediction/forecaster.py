@@ -5,7 +5,7 @@ contradict it.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from operator import attrgetter, itemgetter
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from swath_sysid.attitude.motion.stamps import STEPPED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE, AxisFilter
 from swath_sysid.attitude.prediction.bank import HULL, Bank, ForecasterDiagnostics, diagnose
-from swath_sysid.attitude.prediction.forecast import Forecast
+from swath_sysid.attitude.prediction.forecast import Forecast, Wanted, everything
 from swath_sysid.attitude.prediction.hull_filter import CONVINCING, ExcitationRequest, HullFilterSettings
 from swath_sysid.attitude.prediction.hull_watch import HullLook
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, Outlook, PointForecaster, ValidLeads
@@ -56,6 +56,8 @@ _OF_AXIS = {
 SEA_STATE_INTERVAL = 60.0  #: s.
 
 MOST_AHEAD = 2000  #: Rows that the longest lead may be.
+
+_SAME_LEAD = 1e-6  # s
 
 #: Of a past, after which what is learnt of it is learnt anew; periods at most and, for the first forecasts, at least.
 _REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 6.2
@@ -114,9 +116,9 @@ class ForecastStep(NamedTuple):
     sample: CraftSample | None = None  #: None where it was left out.
     lost: int = 0  #: Samples that should have come before it; minus one where it is one that was taken for lost.
     next: Forecast | None = None  #: One sample ahead.
-    forecast: Forecast | None = None  #: At the leads, when due.
-    horizon: Forecast | None = None  #: Over the horizon, when due.
-    outlook: Outlook | None = None  #: Of the horizon, when due.
+    forecast: Forecast | None = None  #: At the leads, when due and wanted.
+    horizon: Forecast | None = None  #: Over the horizon, when due and wanted or learnt from.
+    outlook: Outlook | None = None  #: Of the horizon.
     #: To be fitted by `fit_sea`, in the background or at once; the result is for `ForecastPipeline.install`.
     sea_request: SeaRequest | None = None
     sea: SeaReport | None = None  #: Of the sea state, once a minute.
@@ -244,8 +246,11 @@ class Forecaster:
             evidence += axis.evidence_of_step(angle, rate, usual, elapsed)
         return evidence > CONVINCING
 
-    def issue(self, step: ForecastStep) -> ForecastStep:
-        """Complete the step of the newest sample with the forecasts that are due, which take longer."""
+    def issue(self, step: ForecastStep, wanted: Callable[[], Wanted] = everything) -> ForecastStep:
+        """Complete the step of the newest sample with the forecasts that are due, which take longer.
+
+        ``wanted`` is asked when they are.
+        """
         sample, bank = step.sample, self._bank
         if sample is None or bank is None:
             return step
@@ -261,7 +266,7 @@ class Forecaster:
             return step if sea is None else step._replace(sea=sea)
         bank = self._look_at_period(bank)
         self._schedule()
-        forecast, horizon, outlook = self._issue(bank, sample.stamp_ns)
+        forecast, horizon, outlook = self._issue(bank, sample.stamp_ns, wanted())
         request = self._sea_request()
         return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=request, sea=sea)
 
@@ -490,17 +495,46 @@ class Forecaster:
         a = attitude
         return Forecast(a.stamp_ns, a.leads, a.mean, a.covariance, self._heading, points, a.own_deviation)
 
-    def _issue(self, bank: Bank, stamp_ns: int) -> tuple[Forecast, Forecast, Outlook]:
-        """At the leads and over the horizon."""
-        since_row, lateness = self._clock.since_row, self._clock.sensor.lateness
-        attitude = bank.forecast(stamp_ns, since_row, lateness)
-        whole = self._issued(attitude, self._points.forecast(attitude, since_row + lateness))
-        horizon = whole.chosen(self._over_horizon)
-        valid_leads = self._valid_leads.assess(self._time, horizon)
+    def _issue(
+        self, bank: Bank, stamp_ns: int, wanted: Wanted
+    ) -> tuple[Forecast | None, Forecast | None, Outlook | None]:
+        """At the leads and over the horizon, as far as they are wanted or learnt from."""
+        s, calm = self.settings, self._calm
+        is_kept = calm is not None and calm.learn(self._time, self._rows, self._clock.step, self._clock.since_row)
+        of_calm = calm is not None and (wanted.calm or is_kept)
+        is_judged = of_calm or wanted.valid_leads
+        is_whole = is_judged or wanted.horizon
+        # by the first lead of the horizon, the size of the points' motion is followed
+        furthest = math.inf if is_whole else max(wanted.lead, s.horizon_step if s.points else 0.0)
+        whole, now = self._up_to(furthest, bank, stamp_ns, is_judged or wanted.points)
+        self._valid_leads.follow(self._time, now)
+        horizon = whole.chosen(self._over_horizon) if whole is not None and is_whole else None
+        self._valid_leads.assess(horizon if wanted.valid_leads else None)
         quiescence, window = math.nan, None
-        if self._calm is not None:
-            quiescence, window = self._calm.assess(self._time, horizon, self._rows, self._clock.step, since_row)
-        return whole.chosen(self._asked), horizon, Outlook(quiescence, window, valid_leads)
+        if calm is not None and horizon is not None and of_calm:
+            quiescence, window = calm.assess(self._time, horizon)
+        elif calm is not None:
+            calm.follow(self._time, now)
+        outlook = None if horizon is None else Outlook(quiescence, window, self._valid_leads.newest or {})
+        count = int(np.searchsorted(s.leads, wanted.lead + _SAME_LEAD))
+        places = self._asked if count == len(s.leads) else np.arange(self._leads.size)[self._asked][:count]
+        return whole.chosen(places) if whole is not None and count else None, horizon, outlook
+
+    def _up_to(
+        self, furthest: float, bank: Bank, stamp_ns: int, at_points: bool
+    ) -> tuple[Forecast | None, dict[str, PointMotion]]:
+        """At all leads up to the furthest, s, and how the points move at the first lead of the horizon."""
+        since_row, lateness = self._clock.since_row, self._clock.sensor.lateness
+        count = int(np.searchsorted(self._leads, furthest + _SAME_LEAD))
+        if not count:
+            return None, {}
+        attitude = bank.forecast(stamp_ns, since_row, lateness, count)
+        if not self.settings.points:
+            return self._issued(attitude, {}), {}
+        first = attitude.at(self.settings.horizon_step)
+        points = self._points.forecast(attitude if at_points else first, since_row + lateness)
+        whole = self._issued(attitude, points if at_points else {})
+        return whole, whole.at(self.settings.horizon_step).points if at_points else points
 
     # -- for people
 
@@ -508,10 +542,14 @@ class Forecaster:
         """The running state, for operators."""
         count = len(self.settings.leads)
         state = diagnose(self._axes, self._bank, self._asked, count, self._clock.interval, self._has_waves)
-        return replace(state, valid_leads=self._valid_leads.newest)
+        if self._valid_leads.newest is None and self._bank is not None:
+            # nobody has asked for them since
+            whole, _ = self._up_to(math.inf, self._bank, 0, True)
+            self._valid_leads.assess(whole and whole.chosen(self._over_horizon))
+        return replace(state, valid_leads=self._valid_leads.newest or {})
 
 
 def _places_of(wanted: np.ndarray, leads: np.ndarray):
     """Of these among all leads; a slice where they are all, which takes no copy."""
-    places = np.searchsorted(leads, wanted - 1e-6)
+    places = np.searchsorted(leads, wanted - _SAME_LEAD)
     return places if places.size < leads.size else slice(None)

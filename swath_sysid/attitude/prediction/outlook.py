@@ -1,7 +1,7 @@
 """Vertical motion at the points of a craft, the calm of craft and points, and how far ahead forecasts are trusted."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,18 +104,8 @@ class CalmForecaster:
         self.quiescence = Quiescence(limits, horizon, (*ATTITUDE, *at_points))
         self._axes, self._points = axes, points
 
-    def assess(
-        self, time: float, ahead: Forecast, rows: RowBuffer, step: float, since_row: float
-    ) -> tuple[float, CalmWindow | None]:
-        """As `Quiescence.assess`, of the forecast over the horizon."""
-        motion, variance = [ahead.mean], [np.diagonal(ahead.covariance, axis1=1, axis2=2)]
-        unknown = np.full((ahead.leads.size, len(AT_A_POINT)), math.nan)
-        for point in self._points.points:
-            found = ahead.points.get(point.name)
-            motion.append(unknown if found is None else found.mean[:, : len(AT_A_POINT)])
-            spread = unknown if found is None else np.diagonal(found.covariance, axis1=1, axis2=2)
-            variance.append(spread[:, : len(AT_A_POINT)])
-        whole = np.hstack(motion)
+    def learn(self, time: float, rows: RowBuffer, step: float, since_row: float) -> bool:
+        """Learn from what has come since; whether the whole forecast of now is needed to learn from later."""
         of_row = time - since_row
 
         def what_came(times: np.ndarray) -> np.ndarray:
@@ -126,15 +116,39 @@ class CalmForecaster:
 
         # what came after the newest row is not known yet
         self.quiescence.learn(of_row, what_came)
+        self.quiescence.period = self._axes[0].size.period
+        return self.quiescence.is_due(time)
+
+    def follow(self, time: float, now: Mapping[str, PointMotion]) -> None:
+        """Follow the size of the motion, of points as at the first lead, where no more is asked for."""
+        self.quiescence.follow(time, *self._sizes(self._at_points(now, 1)[0][0].tolist()))
+
+    def assess(self, time: float, ahead: Forecast) -> tuple[float, CalmWindow | None]:
+        """As `Quiescence.assess`, of the forecast over the horizon."""
+        motion, spread = self._at_points(ahead.points, ahead.leads.size)
+        whole, deviation = np.hstack([ahead.mean, motion]), np.hstack([ahead.deviation, spread])
+        activity, reach = self._sizes(motion[0].tolist())
+        trim = np.concatenate([self._points.trim, np.zeros(whole.shape[1] - len(AXES))])
+        return self.quiescence.assess(time, whole, deviation, activity, trim, reach)
+
+    def _at_points(self, motions: Mapping[str, PointMotion], leads: int) -> tuple[np.ndarray, np.ndarray]:
+        """What is limited at the points at so many leads (L, V) and its deviations, NaN where it is not known."""
+        count = len(AT_A_POINT)
+        found = np.full((2, leads, count * len(self._points.points)), math.nan)
+        for place, point in enumerate(self._points.points):
+            if point.name in motions:
+                of_point, motion = slice(place * count, (place + 1) * count), motions[point.name]
+                found[0, :, of_point] = motion.mean[:, :count]
+                found[1, :, of_point] = np.sqrt(np.diagonal(motion.covariance, axis1=1, axis2=2)[:, :count])
+        return found[0], found[1]
+
+    def _sizes(self, at_points: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+        """How much each limited quantity moves (V,), and how far it has reached; of points by their values now."""
         activity = 2 * [axis.size.activity for axis in self._axes]
-        activity += [max(abs(value), LEAST_SIZE) for value in whole[0, len(ATTITUDE) :].tolist()]
+        activity += [max(abs(value), LEAST_SIZE) for value in at_points]
         turned = [max(axis.size.reach.amplitude, LEAST_SIZE) for axis in self._axes]
-        period = self.quiescence.period = self._axes[0].size.period
-        reach = [*turned, *[2.0 * math.pi / period * each for each in turned]]
-        reach += [math.nan] * (whole.shape[1] - len(ATTITUDE))
-        trim = np.array([*self._points.trim, *[0.0] * (whole.shape[1] - len(AXES))])
-        spread = np.sqrt(np.hstack(variance))
-        return self.quiescence.assess(time, whole, spread, np.array(activity), trim, np.array(reach))
+        reach = [*turned, *[2.0 * math.pi / self.quiescence.period * each for each in turned]]
+        return np.array(activity), np.array(reach + [math.nan] * len(at_points))
 
 
 @dataclass(frozen=True)
@@ -184,24 +198,35 @@ class ValidLeads:
 
     def __init__(self, limit: ErrorLimit, axes: Sequence[AxisFilter], memory: float) -> None:
         self.limit = limit
-        self.newest: dict[str, float] = {}  #: s, by axis, and by `quantity_at` a point.
+        #: s, by axis, and by `quantity_at` a point; None where they were not asked for.
+        self.newest: dict[str, float] | None = {}
         self._axes, self._memory = axes, memory
         self._sizes: dict[str, tuple[MotionSize, ...]] = {}
         self._time = 0.0
 
-    def assess(self, time: float, ahead: Forecast) -> dict[str, float]:
-        """Valid leads, s, of the forecast over the horizon."""
+    def follow(self, time: float, now: Mapping[str, PointMotion]) -> None:
+        """Follow the sizes of the points' motion up to now, s, by what is forecast at the first lead."""
         elapsed, self._time = time - self._time, time
-        self.newest = {}
+        for name, motion in now.items():
+            for size, value in zip(self._sizes_at(name), motion.mean[0].tolist(), strict=False):
+                size.period = self._axes[0].size.period
+                size.follow(value, 0.0, elapsed)
+
+    def assess(self, ahead: Forecast | None) -> None:
+        """Find the valid leads, s, of the forecast over the horizon; None: they are not asked for."""
+        self.newest = None if ahead is None else self._of(ahead)
+
+    def _of(self, ahead: Forecast) -> dict[str, float]:
+        found = {}
         for name in ahead.axes:
             k = AXES.index(name)
             limit = self.limit.of_angle(self._axes[k].size.present)
-            self.newest[name] = valid_lead(ahead.leads, ahead.covariance[:, k, k], limit)
+            found[name] = valid_lead(ahead.leads, ahead.covariance[:, k, k], limit)
         for name, motion in ahead.points.items():
-            sizes = self._sizes.setdefault(name, tuple(MotionSize(self._memory) for _ in AT_A_POINT))
-            for k, (kind, size) in enumerate(zip(AT_A_POINT, sizes, strict=True)):
-                size.period = self._axes[0].size.period
-                size.follow(float(motion.mean[0, k]), 0.0, elapsed)
+            for k, (kind, size) in enumerate(zip(AT_A_POINT, self._sizes_at(name), strict=True)):
                 limit = self.limit.share * size.present
-                self.newest[quantity_at(name, kind)] = valid_lead(ahead.leads, motion.covariance[:, k, k], limit)
-        return self.newest
+                found[quantity_at(name, kind)] = valid_lead(ahead.leads, motion.covariance[:, k, k], limit)
+        return found
+
+    def _sizes_at(self, name: str) -> tuple[MotionSize, ...]:
+        return self._sizes.setdefault(name, tuple(MotionSize(self._memory) for _ in AT_A_POINT))

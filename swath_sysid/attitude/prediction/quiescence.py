@@ -202,8 +202,7 @@ class Quiescence:
         (V,) about which limits may be, and how far each has reached (V,) within two periods, NaN where not known. NaN
         where nothing is limited, or a limited quantity is not measured.
         """
-        size = np.fmin(self._follow_size(now, activity), reach / _LEAST_REACH)
-        self._grown = np.broadcast_to(reach / THREE_STD, size.shape)
+        size = self.follow(now, activity, reach)
         about = np.zeros(len(self._quantities)) if trim is None or not self._about_trim else trim
         probability, window = math.nan, None
         if self._bound.size and np.isfinite(motion[:, self._bounded]).all():
@@ -216,19 +215,24 @@ class Quiescence:
                 quiet = int(np.count_nonzero(inside[: self._within].all(axis=0)))
                 probability = _share(quiet, members)
                 window = self._calm_window(inside, quiet, members)
-        if not self._pending or now - self._pending[-1].stamp >= self._spacing * self.period - 1e-6:
+        if self.is_due(now):
             self._pending.append(_Issued(now, motion, size, about, probability))
         return probability, window
 
-    def _follow_size(self, now: float, activity: np.ndarray):
-        """Size of the recent motion, shape (V,)."""
+    def is_due(self, now: float) -> bool:
+        """Whether the errors of a forecast of ``now``, s, are to be kept."""
+        return not self._pending or now - self._pending[-1].stamp >= self._spacing * self.period - 1e-6
+
+    def follow(self, now: float, activity: np.ndarray, reach: np.ndarray | float = math.nan) -> np.ndarray:
+        """Size (V,) of the recent motion up to ``now``, s; arguments as of `assess`, which does this itself."""
+        self._grown = np.broadcast_to(reach / THREE_STD, activity.shape)
         elapsed, self._last = now - self._last, now
         memory = MEMORY_OF_SIZE * self.period
         gain = elapsed / (memory + elapsed) if elapsed > 0.0 else 1.0
         square = activity * activity
         # what was not known until now begins with its first size
         self._square = np.where(np.isnan(self._square), square, self._square + gain * (square - self._square))
-        return np.sqrt(self._square)
+        return np.fmin(np.sqrt(self._square), reach / _LEAST_REACH)
 
     def _members_inside(self, motion: np.ndarray, size: np.ndarray):
         """Whether each member is inside at each lead, shape (H, members), and how many are; the others are not."""
