@@ -64,18 +64,41 @@ def without_spikes(values: np.ndarray) -> np.ndarray:
     return np.where(bad, median_filter(values, SPIKE_NEIGHBOURS), values) if bad.any() else values
 
 
-def prominent_maxima(values: np.ndarray, least: float) -> np.ndarray:
-    """Indices of the maxima of finite values (N,) with this prominence; `scipy.signal.find_peaks` loads 35 MB."""
+def prominent_extremes(values: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the maxima and of the minima of finite values (N,) with this prominence; `scipy.signal.find_peaks`
+    loads 35 MB.
+    """
     begins = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]])[: values.size])
-    ends = np.append(begins, values.size)[1:] - 1
     level = values[begins]
-    maxima = np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:])) + 1
-    if not maxima.size:
-        return maxima
-    heights, valleys = level[maxima], np.minimum.reduceat(level, np.append(0, maxima))
-    before = _lowest_since_higher(heights.tolist(), valleys[:-1].tolist())
-    after = _lowest_since_higher(heights[::-1].tolist(), valleys[:0:-1].tolist())[::-1]
-    return ((begins + ends) // 2)[maxima[heights - np.maximum(before, after) >= least]]
+    rises = level[1:] > level[:-1]
+    turns = np.flatnonzero(rises[1:] != rises[:-1]) + 1
+    if not turns.size:
+        return turns, turns
+    places = np.concatenate([[0], turns, [level.size - 1]])
+    while True:
+        turned = level[places]
+        steps = np.abs(turned[1:] - turned[:-1])
+        inner = steps[1:-1]
+        # a pair less far apart than from its neighbours has that prominence, and changes that of no other
+        noise = (inner < np.minimum(steps[:-2], steps[2:])) & (inner < least)
+        if 4 * np.count_nonzero(noise) < places.size:
+            break
+        keep = np.ones(places.size, dtype=bool)
+        keep[1:-2] &= ~noise
+        keep[2:-1] &= ~noise
+        places = places[keep]
+    middle = (begins + np.append(begins, values.size)[1:] - 1) // 2
+    first = 1 if rises[0] else 2
+    tops, bottoms = (np.arange(place, places.size - 1, 2) for place in (first, 3 - first))
+    return middle[places[_standing(turned, tops, least)]], middle[places[_standing(-turned, bottoms, least)]]
+
+
+def _standing(turned: np.ndarray, tops: np.ndarray, least: float) -> np.ndarray:
+    """Those of the maxima, at places among alternating values (M,), that have this prominence."""
+    heights = turned[tops]
+    before = _lowest_since_higher(heights.tolist(), turned[tops - 1].tolist())
+    after = _lowest_since_higher(heights[::-1].tolist(), turned[tops + 1][::-1].tolist())[::-1]
+    return tops[heights - np.maximum(before, after) >= least]
 
 
 def _lowest_since_higher(heights: Sequence[float], valleys: Sequence[float]) -> list[float]:
@@ -84,7 +107,8 @@ def _lowest_since_higher(heights: Sequence[float], valleys: Sequence[float]) -> 
     higher: list[tuple[float, float]] = []
     for height, lowest in zip(heights, valleys, strict=True):
         while higher and higher[-1][0] <= height:
-            lowest = min(lowest, higher.pop()[1])
+            _, since = higher.pop()
+            lowest = since if since < lowest else lowest
         higher.append((height, lowest))
         found.append(lowest)
     return found

@@ -6,7 +6,7 @@ quadratic and cubic damping, none negative, the loss per half-cycle never grows.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import compress, pairwise
 from statistics import median
@@ -134,10 +134,21 @@ class DecayCandidate:
         return self.last == self.first + 1
 
     @property
+    def first_half(self) -> 'DecayCandidate':
+        """Its first half-cycle alone."""
+        return self if self.is_single and not self.broken else replace(self, last=self.first + 1, broken=False)
+
+    @property
+    def may_be_suited(self) -> bool:
+        """Whether its grid is one on which to look at its period, or at that of its first half-cycle."""
+        periods = 2.0 * self.first_half_duration, self.period
+        return any(turning_points.suits(self.signal, period) for period in periods)
+
+    @property
     def is_suited(self) -> bool:
         """Whether its grid is the one on which to look at its period, and shows the part that times a half-cycle."""
         steep = (HELD - 0.5) * self.double_amplitudes[0]
-        is_timed = not self.is_single or steep >= turning_points.prominence_of(self.signal)
+        is_timed = not self.is_single or steep >= self.signal.prominence
         return is_timed and turning_points.suits(self.signal, self.period) and self.end > self.release
 
     def _near(self, turn: int, first: int) -> tuple[float | None, float | None]:
@@ -146,10 +157,10 @@ class DecayCandidate:
         begin, end = map(signal.index, self.time[first : first + 2].tolist())
         level = float(self.value[turn])
         band = max(RELEASE_BAND * abs(float(self.value[first + 1] - self.value[first])), 2.0 * signal.noise)
-        near = [at for at in range(begin, end + 1) if abs(signal.values[at] - level) <= band]
-        if not near:
+        near = np.flatnonzero(np.abs(signal.value[begin : end + 1] - level) <= band)
+        if not near.size:
             return None, None
-        return signal.start + signal.interval * near[0], signal.start + signal.interval * near[-1]
+        return tuple(signal.start + signal.interval * (begin + at) for at in near[[0, -1]].tolist())
 
     def leaving_time(self, turn: int) -> float:
         """Last time near turning point ``turn`` on the way to the next, s."""
@@ -263,7 +274,7 @@ def stands_out(candidate: DecayCandidate, decays: Sequence[DecayCandidate]) -> b
     around = candidate.reach(1.0)[_apart_from(decays, candidate.signal)]
     if around.size * candidate.signal.interval < candidate.period:
         return not candidate.hold or candidate.was_held_still
-    noise = turning_points.prominence_of(candidate.signal) / candidate.double_amplitudes[0]
+    noise = candidate.signal.prominence / candidate.double_amplitudes[0]
     rests = float(np.quantile(around, RESTING_SHARE)) - noise
     if rests < REST_BAND:
         return True
@@ -337,7 +348,7 @@ def turned_signals(levels: Iterable[EvenSignal]) -> list[TurnedSignal]:
     """The turning points of a motion without long pauses, on those of its grids on which it moves."""
     found = []
     for signal in levels:
-        least = turning_points.prominence_of(signal)
+        least = signal.prominence
         if least == 0.0:
             continue
         points = turning_points.turning_points_of(signal)

@@ -170,8 +170,9 @@ def keeps_oscillating(motion: AxisMotion) -> bool:
 def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
     """The candidates that waves did not make."""
     # of one without a rhythm, the first half-cycle
-    possible = [each if _is_rhythmic(each) else replace(each, last=each.first + 1, broken=False) for each in candidates]
-    possible = [each for each in possible if _comes_to_trim(each) and each.is_suited and each.evidence >= 1.0]
+    seen = [each for each in candidates if each.may_be_suited]
+    possible = [each if _is_rhythmic(each) else each.first_half for each in seen]
+    possible = [each for each in possible if each.is_suited and _comes_to_trim(each) and each.evidence >= 1.0]
     free: list[DecayCandidate] = []
     while found := [candidate for candidate in possible if are_decays([candidate], free)] or _together(possible, free):
         free += found
@@ -196,8 +197,8 @@ def _is_rhythmic(candidate: DecayCandidate) -> bool:
         return False
     if candidate.end - candidate.release < candidate.period:
         return False
-    following = float(np.diff(candidate.time[candidate.first + 1 : candidate.first + 3])[0])
-    halves = candidate.first_half_duration, following
+    turned, following = candidate.time[candidate.first + 1 : candidate.first + 3].tolist()
+    halves = candidate.first_half_duration, following - turned
     return all(1.0 / ASYMMETRY < 2.0 * half / candidate.period < ASYMMETRY for half in halves)
 
 
@@ -386,7 +387,7 @@ def _end_of_quiet(candidate: DecayCandidate) -> float:
     settling = candidate.period if candidate.is_single else 0.5 * candidate.period
     begin, end = signal.index(candidate.end), signal.index(candidate.end + settling)
     last = abs(candidate.value[candidate.last] - candidate.centre)
-    reach = max(last, 0.5 * candidate.double_amplitudes[-1], turning_points.prominence_of(signal))
+    reach = max(last, 0.5 * candidate.double_amplitudes[-1], signal.prominence)
     outside = np.flatnonzero(np.abs(signal.value[begin : end + 1] - candidate.centre) > 1.2 * reach)
     return signal.start + signal.interval * (begin + int(outside[0]) if outside.size else end)
 

@@ -17,7 +17,7 @@ from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.signals import (
     bin_means,
     noise_level,
-    prominent_maxima,
+    prominent_extremes,
     quantum,
     running_integral,
     without_spikes,
@@ -64,6 +64,14 @@ class EvenSignal:
     def final_level(self) -> float:
         """Median of the last third of the values."""
         return float(np.median(self.value[-(self.value.size // 3 + 1) :]))
+
+    @cached_property
+    def prominence(self) -> float:
+        """How far a turning point of this signal must stand out, in its unit."""
+        if self.value.size < 2:
+            return 0.0
+        trifle = SMALLEST_PROMINENCE * float(np.ptp(self.value))
+        return max(PROMINENCE * self.noise, self.resolution, trifle)
 
     def index(self, time: float) -> int:
         """Index of the sample nearest to a time, within the grid."""
@@ -222,21 +230,13 @@ def suits(signal: EvenSignal, period: float) -> bool:
     return MIN_PER_PERIOD_UNSMOOTHED <= samples <= 1.5 * MIN_PER_PERIOD
 
 
-def prominence_of(signal: EvenSignal) -> float:
-    """How far a turning point of this signal must stand out, in its unit."""
-    if signal.value.size < 2:
-        return 0.0
-    trifle = SMALLEST_PROMINENCE * float(np.ptp(signal.value))
-    return max(PROMINENCE * signal.noise, signal.resolution, trifle)
-
-
 def turning_points_of(signal: EvenSignal) -> TurningPoints:
     """Maxima and minima of one grid, placed between samples by the parabola through three."""
     value = signal.value
-    least = prominence_of(signal)
+    least = signal.prominence
     if value.size < 3 or least == 0.0:
         return TurningPoints(np.empty(0), np.empty(0), signal.quantity, signal.noise)
-    index = _alternating(prominent_maxima(value, least), prominent_maxima(-value, least))
+    index = _alternating(*prominent_extremes(value, least))
     before, at, after = value[index - 1], value[index], value[index + 1]
     bend = before - 2.0 * at + after
     bent = bend != 0.0
