@@ -65,15 +65,16 @@ def without_spikes(values: np.ndarray) -> np.ndarray:
 
 
 def prominent_extremes(values: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the maxima and of the minima of finite values (N,) with this prominence; `scipy.signal.find_peaks`
-    loads 35 MB.
+    """Indices of the extremes of finite values (N,) with this prominence, in order, and whether each is a maximum.
+
+    `scipy.signal.find_peaks` loads 35 MB.
     """
     begins = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]])[: values.size])
     level = values[begins]
     rises = level[1:] > level[:-1]
     turns = np.flatnonzero(rises[1:] != rises[:-1]) + 1
     if not turns.size:
-        return turns, turns
+        return turns, turns == 0
     places = np.concatenate([[0], turns, [level.size - 1]])
     while True:
         turned = level[places]
@@ -87,18 +88,21 @@ def prominent_extremes(values: np.ndarray, least: float) -> tuple[np.ndarray, np
         keep[1:-2] &= ~noise
         keep[2:-1] &= ~noise
         places = places[keep]
-    middle = (begins + np.append(begins, values.size)[1:] - 1) // 2
-    first = 1 if rises[0] else 2
-    tops, bottoms = (np.arange(place, places.size - 1, 2) for place in (first, 3 - first))
-    return middle[places[_standing(turned, tops, least)]], middle[places[_standing(-turned, bottoms, least)]]
+    is_maximum = np.arange(places.size) % 2 == int(rises[0])
+    standing = np.zeros(places.size, dtype=bool)
+    for sign, first in ((1.0, 2 - int(rises[0])), (-1.0, 1 + int(rises[0]))):
+        standing[first:-1:2] = _stand(sign * turned[first:-1:2], sign * turned, first, least)
+    found = np.flatnonzero(standing)
+    ends = np.append(begins, values.size)[1:] - 1
+    return ((begins + ends) // 2)[places[found]], is_maximum[found]
 
 
-def _standing(turned: np.ndarray, tops: np.ndarray, least: float) -> np.ndarray:
-    """Those of the maxima, at places among alternating values (M,), that have this prominence."""
-    heights = turned[tops]
-    before = _lowest_since_higher(heights.tolist(), turned[tops - 1].tolist())
-    after = _lowest_since_higher(heights[::-1].tolist(), turned[tops + 1][::-1].tolist())[::-1]
-    return tops[heights - np.maximum(before, after) >= least]
+def _stand(heights: np.ndarray, turned: np.ndarray, first: int, least: float) -> np.ndarray:
+    """Whether maxima, every second of alternating values (M,) from one on, have this prominence."""
+    valleys = turned[first - 1 :: 2].tolist()
+    before = _lowest_since_higher(heights.tolist(), valleys[: heights.size])
+    after = _lowest_since_higher(heights[::-1].tolist(), valleys[heights.size : 0 : -1])[::-1]
+    return heights - np.maximum(before, after) >= least
 
 
 def _lowest_since_higher(heights: Sequence[float], valleys: Sequence[float]) -> list[float]:

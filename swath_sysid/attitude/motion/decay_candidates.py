@@ -358,25 +358,28 @@ def turned_signals(levels: Iterable[EvenSignal]) -> list[TurnedSignal]:
     return found
 
 
-def find_candidates(signals: Sequence[TurnedSignal], irregular: float = 0.0) -> list[DecayCandidate]:
+def find_candidates(
+    signals: Sequence[TurnedSignal], smallest: float = 0.0, half_cycles: float = 1.0, irregular: float = 0.0
+) -> list[DecayCandidate]:
     """Every candidate on every grid, whether the grid suits its period or not.
 
-    Double amplitudes may be out of order by the noise, or by ``irregular`` times the first.
+    With a first double amplitude and half-cycles of no less. Double amplitudes may be out of order by the noise, or by
+    ``irregular`` times the first.
     """
     candidates: list[DecayCandidate] = []
     for signal, time, value, least, bridged in signals:
-        for first, last, broken in split_into_candidates(time, value, least, bridged, irregular):
-            if value[first] != value[first + 1]:
+        sizes = np.abs(value[1:] - value[:-1]).tolist()
+        for first, last, broken in split_into_candidates(time, sizes, least, bridged, irregular):
+            if 0.0 < sizes[first] >= smallest and last - first >= half_cycles:
                 candidates.append(DecayCandidate(signal, time, value, first, last, broken, bridged))
     return candidates
 
 
 def split_into_candidates(
-    time: np.ndarray, value: np.ndarray, least: float, bridged: np.ndarray, irregular: float = 0.0
+    time: np.ndarray, double_amplitudes: Sequence[float], least: float, bridged: np.ndarray, irregular: float = 0.0
 ) -> Iterator[tuple[int, int, bool]]:
     """Maximal candidates: first and last index, and whether broken; ``bridged`` half-cycles (M - 1,) are not judged."""
-    double_amplitudes, halves = np.abs(np.diff(value)).tolist(), np.diff(time).tolist()
-    skipped = bridged.tolist()
+    halves, skipped = (time[1:] - time[:-1]).tolist(), bridged.tolist()
     first = 0
     while first < len(double_amplitudes):
         if first + 1 < len(double_amplitudes) and double_amplitudes[first + 1] > double_amplitudes[first]:

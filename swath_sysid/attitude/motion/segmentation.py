@@ -89,24 +89,17 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first."""
     pieces = turning_points.split_at_pauses(motion)
     grids = [list(turning_points.pyramid(turning_points.even_signal(piece))) for piece in pieces]
-    found = (_sizable(find_candidates(turned_signals(levels))) for levels in grids)
+    smallest = SMALLEST_AMPLITUDE['rate' if motion.angle is None else 'angle']
+    found = (find_candidates(turned_signals(levels), smallest) for levels in grids)
     decays = [decay for candidates in found for decay in _decays_among(candidates)]
     if not decays:
         steadied = map(turning_points.steadied, grids, pieces)
-        found = (_released(find_candidates(turned_signals(levels), IRREGULAR)) for levels in steadied)
-        decays = [decay for candidates in found for decay in _decays_among(candidates)]
+        long = HALF_CYCLES_FOR_REST
+        found = (find_candidates(turned_signals(levels), smallest, long, IRREGULAR) for levels in steadied)
+        # those that begin with a hold
+        decays = [decay for some in found for decay in _decays_among([each for each in some if each.hold])]
     segments = [_segment_of(_without_the_push(candidate, decays), motion) for candidate in _apart(decays)]
     return tuple(_until_the_next(each, segments) for each in segments)
-
-
-def _sizable(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
-    return [each for each in candidates if each.double_amplitudes[0] >= SMALLEST_AMPLITUDE[each.signal.quantity]]
-
-
-def _released(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
-    """The sizable ones that begin with a hold and last."""
-    long = [each for each in candidates if each.double_amplitudes.size >= HALF_CYCLES_FOR_REST]
-    return [each for each in _sizable(long) if each.hold]
 
 
 def _until_the_next(segment: DecaySegment, others: Sequence[DecaySegment]) -> DecaySegment:

@@ -236,7 +236,9 @@ def turning_points_of(signal: EvenSignal) -> TurningPoints:
     least = signal.prominence
     if value.size < 3 or least == 0.0:
         return TurningPoints(np.empty(0), np.empty(0), signal.quantity, signal.noise)
-    index = _alternating(*prominent_extremes(value, least))
+    index, is_maximum = prominent_extremes(value, least)
+    # of equal ones with no other kind between, the first
+    index = index[np.concatenate([[True], is_maximum[1:] != is_maximum[:-1]])[: index.size]]
     before, at, after = value[index - 1], value[index], value[index + 1]
     bend = before - 2.0 * at + after
     bent = bend != 0.0
@@ -244,11 +246,3 @@ def turning_points_of(signal: EvenSignal) -> TurningPoints:
     offset[bent] = np.clip(0.5 * (before - after)[bent] / bend[bent], -0.5, 0.5)
     time = signal.start + signal.interval * (index + offset)
     return TurningPoints(time, at - 0.25 * (before - after) * offset, signal.quantity, signal.noise)
-
-
-def _alternating(maxima: np.ndarray, minima: np.ndarray) -> np.ndarray:
-    """Indices of maxima and minima in order; of equal ones with no other kind between, the first."""
-    index = np.concatenate([maxima, minima])
-    order = np.argsort(index)
-    kind = np.repeat([1, -1], [maxima.size, minima.size])[order]
-    return index[order][np.concatenate([[True], kind[1:] != kind[:-1]])] if index.size else index
