@@ -171,7 +171,7 @@ class Quiescence:
         self._pending: deque = deque()
         self._last = math.nan
         self._square = np.zeros(len(self._quantities))
-        self._grown = np.zeros(len(self._quantities))
+        self._grown: np.ndarray | float = 0.0
 
     def learn(self, now: float, motion_at: Callable[[np.ndarray], np.ndarray]) -> None:
         """Keep errors known at ``now``, s; ``motion_at`` maps stamps (H,) to measured quantities (H, V)."""
@@ -225,7 +225,7 @@ class Quiescence:
 
     def follow(self, now: float, activity: np.ndarray, reach: np.ndarray | float = math.nan) -> np.ndarray:
         """Size (V,) of the recent motion up to ``now``, s; arguments as of `assess`, which does this itself."""
-        self._grown = np.broadcast_to(reach / THREE_STD, activity.shape)
+        self._grown = reach / THREE_STD
         elapsed, self._last = now - self._last, now
         memory = MEMORY_OF_SIZE * self.period
         gain = elapsed / (memory + elapsed) if elapsed > 0.0 else 1.0
@@ -240,10 +240,10 @@ class Quiescence:
         count = min(max(self._seen // 2, _ENOUGH), self._seen, self._members)
         known = self._complete[self._bounded].all(axis=0)
         known &= (self._seen - 1 - np.arange(self._members)) % self._members < count
-        inside = np.tile(known, (self._leads.size, 1))
+        inside = known
         for quantity, bound in zip(np.flatnonzero(self._bounded), self._bound, strict=True):
             errors, centre = self._errors[quantity], motion[:, quantity, None]
-            inside &= errors >= (-bound - centre) / size[quantity]
+            inside = inside & (errors >= (-bound - centre) / size[quantity])
             inside &= errors <= (bound - centre) / size[quantity]
         return inside, int(np.count_nonzero(known))
 

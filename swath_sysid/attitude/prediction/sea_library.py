@@ -135,7 +135,8 @@ class AxisSeas:
 
     def restart(self) -> None:
         """Forget the rows, not what they have shown."""
-        self.past: deque[list[float]] = deque(maxlen=MAX_LAGS // (1 + self.rated) * self._stride)
+        self.count = 0  #: Rows that there are.
+        self.past = np.zeros((MAX_LAGS // (1 + self.rated) * self._stride, 1 + self.rated))  #: Newest first.
         angle, rate = self._read.T[:, :, None]
         # of angle, of both and of rate, at the nodes
         self._moments = np.stack([angle, 0.0 * angle, rate], axis=-1).repeat(self._nodes, axis=1)
@@ -149,8 +150,10 @@ class AxisSeas:
         self.age += self._a_row
         self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
         self._count += len(reading) * self._share
-        self.past.appendleft(reading)
-        readings = np.array(list(self.past)[:: self._stride]).ravel()
+        self.past[1:] = self.past[:-1]
+        self.past[0] = reading
+        self.count = min(self.count + 1, len(self.past))
+        readings = self.past[: self.count : self._stride].ravel()
         self._grow(readings.size)
         innovations = (self._white[:, : readings.size, : readings.size] @ readings)[:, None]
         ahead = self._white[:, : readings.size, MAX_LAGS : MAX_LAGS + 2 * self._nodes]
@@ -250,7 +253,7 @@ class SeaLibrary:
                 continue
             if axis is None or axis.rated != rated:
                 axis = self._axes[place] = self._begun(rated)
-            reading, before = [angle, rate] if rated else [angle], list(axis.past)[:1]
+            reading, before = [angle, rate] if rated else [angle], axis.past[: min(axis.count, 1)].tolist()
             axis.step(reading)
             self._renew(place, axis, reading)
             if axis.strain > CONTRADICTED:
@@ -297,7 +300,7 @@ class SeaLibrary:
             of_mean, of_covariance = self._between((np.asarray(leads) + age) / self._step)
         mean, covariance = np.full((len(of_mean), 4), math.nan), np.zeros((len(of_mean), 4, 4))
         for place, axis in enumerate(self._axes):
-            if axis is not None and axis.past:
+            if axis is not None and axis.count:
                 means, spreads = axis.mixture()
                 mean[:, place::2] = of_mean @ means * self._units
                 covariance[:, place::2, place::2] = (of_covariance @ spreads * self._square_units).reshape(-1, 2, 2)
