@@ -20,7 +20,7 @@ from swath_sysid.attitude.motion.stamps import (
     StampSettings,
 )
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.forecast import Wanted, everything
+from swath_sysid.attitude.prediction.forecast import Wanted
 from swath_sysid.attitude.prediction.forecaster import (
     FORECASTER_REASONS,
     Forecaster,
@@ -168,7 +168,7 @@ class ForecastPipeline:
                 self.forecaster.set_model(axis, model)
         self.counts = dict.fromkeys(PIPELINE_REASONS, 0)
 
-    def finish(self, step: ForecastStep, wanted: Callable[[], Wanted] = everything) -> ForecastStep:
+    def finish(self, step: ForecastStep, wanted: Callable[[], Wanted] = Wanted) -> ForecastStep:
         """Complete a step of `begin` with the forecasts that are due, as far as they are ``wanted``."""
         if step.sample is not None:
             self.installation.add(step.sample)

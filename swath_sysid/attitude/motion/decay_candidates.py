@@ -180,11 +180,11 @@ class DecayCandidate:
         left = first_beyond(self._past, self.centre, -level, -HOLD_BAND) if level else len(self._past)
         return self.release - self.signal.interval * float(left)
 
-    @property
+    @cached_property
     def hold(self) -> float:
         """Periods for which the craft had stayed where it begins, beyond the half that an oscillating craft does."""
         stay = (self.release - self.arrival) / self.period - 0.5
-        return max(stay, 0.5 if self.was_dropped else 0.0)
+        return stay if stay >= 0.5 else max(stay, 0.5 if self.was_dropped else 0.0)
 
     @cached_property
     def risen_from(self) -> int:

@@ -26,11 +26,6 @@ class Wanted(NamedTuple):
     calm: bool = True  #: The probability of quiet and the next window of calm.
 
 
-def everything() -> Wanted:
-    """All that can be forecast."""
-    return Wanted()
-
-
 def nothing() -> Wanted:
     """None of it: the sample only feeds the filters."""
     return Wanted(0.0, *4 * (False,))

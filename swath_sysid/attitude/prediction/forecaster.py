@@ -18,7 +18,7 @@ from swath_sysid.attitude.motion.stamps import STEPPED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE, AxisFilter
 from swath_sysid.attitude.prediction.bank import HULL, Bank, ForecasterDiagnostics, diagnose
-from swath_sysid.attitude.prediction.forecast import Forecast, Wanted, everything
+from swath_sysid.attitude.prediction.forecast import Forecast, Wanted
 from swath_sysid.attitude.prediction.hull_filter import CONVINCING, ExcitationRequest, HullFilterSettings
 from swath_sysid.attitude.prediction.hull_watch import HullLook
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, Outlook, PointForecaster, ValidLeads
@@ -246,11 +246,8 @@ class Forecaster:
             evidence += axis.evidence_of_step(angle, rate, usual, elapsed)
         return evidence > CONVINCING
 
-    def issue(self, step: ForecastStep, wanted: Callable[[], Wanted] = everything) -> ForecastStep:
-        """Complete the step of the newest sample with the forecasts that are due, which take longer.
-
-        ``wanted`` is asked when they are.
-        """
+    def issue(self, step: ForecastStep, wanted: Callable[[], Wanted] = Wanted) -> ForecastStep:
+        """Complete the step of the newest sample with what is due then and ``wanted``, which takes longer."""
         sample, bank = step.sample, self._bank
         if sample is None or bank is None:
             return step
