@@ -125,7 +125,7 @@ def test_a_sea_state_that_comes_with_a_sample_that_is_passed_over_is_told(predic
     sent, finish = [], predictor.pipeline.finish
     monkeypatch.setattr(predictor, '_publish', lambda messages: sent.extend(topic for topic, _ in messages))
     monkeypatch.setattr(
-        predictor.pipeline, 'finish', lambda step: finish(step)._replace(sea=SeaReport(None, 'a flat sea'))
+        predictor.pipeline, 'finish', lambda *given: finish(*given)._replace(sea=SeaReport(None, 'a flat sea'))
     )
     predictor._add(reading(EPOCH_NS, roll=0.01), is_passed_over=True)
     assert sent == [SEA_TOPIC]
