@@ -32,7 +32,7 @@ from swath_sysid.cli.main import main  # noqa: E402
 from swath_sysid.formats.bags import write_imu_bag  # noqa: E402
 from swath_sysid.pipeline import play_through  # noqa: E402
 
-LIMIT = 100.0
+LIMIT = 15.0
 
 
 class Stopwatch:
