@@ -25,6 +25,9 @@ _TAIL_GAIN = 0.32
 # candidate that is surprised all the time is judged by half of its errors
 _MAX_EXCUSED = 0.5
 
+#: Ahead from which the level counts in full: sooner, it knows nothing of what the present motion tells.
+LEVEL_PERIODS = 1.0 / 3.0
+
 _QUANTILE = NORMAL_QUANTILES.item(1)
 
 #: What errors say of one regime says nothing of another: under waves, on a hull on which nothing acts, and before any
@@ -117,7 +120,9 @@ class Blend:
         candidates, steps = len(prior), self.steps.size
         of_row = np.minimum(self._leads / step, 1.0) ** 2
         self._prior, self._level = np.array(prior, dtype=float), level
-        self._layout = Layout(self.steps, self.place_of_lead, of_row, np.empty((candidates, steps)), np.ones(steps), 1.0)
+        self._layout = Layout(
+            self.steps, self.place_of_lead, of_row, np.empty((candidates, steps)), np.ones(steps), 1.0
+        )
         self._row, self._regime = 0, np.zeros(axes, dtype=int)
         rows = int(self.steps[-1]) + 1
         self._kept = Kept(np.full((rows, steps, axes, 5 + candidates), np.nan), np.zeros((rows, axes), dtype=int))
@@ -150,7 +155,7 @@ class Blend:
         memory = np.minimum(LATELY + _MEMORY_LEADS * relative * self.steps, MEMORY_OF_SIZE)
         prior = np.tile(self._prior[:, None], self.steps.size)
         if self._level is not None:
-            prior[self._level] *= np.minimum(relative * self.steps, 1.0) ** 3
+            prior[self._level] *= np.minimum(relative * self.steps / LEVEL_PERIODS, 1.0) ** 3
         unknown = self._errors.time == 0.0
         self.weights[:, unknown] = (prior / prior.sum(axis=0))[:, unknown.nonzero()[0]]
         self._layout = self._layout._replace(prior=prior, step=relative, keep=1.0 - relative / memory)
