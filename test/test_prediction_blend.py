@@ -246,6 +246,15 @@ def test_a_motion_stretched_in_time_is_blended_as_before(factor, seed):
             np.testing.assert_allclose(getattr(blend, name), getattr(blends[0], name), rtol=1e-9)
 
 
+def test_a_level_counts_the_less_the_sooner_within_a_third_of_a_period_unless_its_errors_are_smaller():
+    blend = Blend([0.1, 0.2, 0.4, 0.8, 1.6], STEP, 1.2, 1, (1.0, 2.0), level=0)
+    assert (blend.weights[0] / blend.weights[1])[:, 0] == pytest.approx([2**-7, 2**-4, 0.5, 0.5, 0.5])
+    blend.set_period(STEP, 2.4)
+    assert (blend.weights[0] / blend.weights[1])[:, 0] == pytest.approx([2**-10, 2**-7, 2**-4, 0.5, 0.5])
+    _run(blend, np.array([0.5, 1.0])[:, None, None] * np.ones((2, 5, 1)), 1.0)
+    assert (blend.weights[0] > 0.9).all()
+
+
 def test_what_was_learnt_of_the_errors_goes_over_to_other_rows_by_the_leads():
     learnt = _blend(axes=2)
     errors = np.array([[[1.0, 3.0], [1.0, 1.0], [2.0, 1.0]], [[3.0, 1.0], [1.0, 2.0], [1.0, 1.0]]])

@@ -52,7 +52,7 @@ class Bank:
         self._place = {name: place for place, name in enumerate(self.names)}
         self._clock, step, period = clock, clock.step, clock.period
         priors = [CANDIDATES.get(name, 1.0) for name in self.names]
-        self.blend = Blend(leads, step, period, len(axes), priors)
+        self.blend = Blend(leads, step, period, len(axes), priors, self._place[LEVEL])
         self.spaces: dict[str, Any] = {}  #: Those on rows.
         self._upstream: dict[str, UpstreamCandidate] = {}
         self._upstream_rows = upstream

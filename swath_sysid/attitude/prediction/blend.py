@@ -25,6 +25,9 @@ _TAIL_GAIN = 0.32
 # candidate that is surprised all the time is judged by half of its errors
 _MAX_EXCUSED = 0.5
 
+#: Ahead from which the level counts in full: sooner, it knows nothing of what the present motion tells.
+LEVEL_PERIODS = 1.0 / 3.0
+
 _QUANTILE = NORMAL_QUANTILES.item(1)
 
 #: What errors say of one regime says nothing of another: under waves, on a hull on which nothing acts, and before any
@@ -64,7 +67,7 @@ class Layout(NamedTuple):
     steps: np.ndarray  #: (S,); rows ahead.
     place_of_lead: np.ndarray  #: (L,); among the steps.
     of_row: np.ndarray  #: (L,); the sooner a lead is within the first row, the less.
-    prior: np.ndarray  #: (E,)
+    prior: np.ndarray  #: (E, S)
     keep: np.ndarray  #: (S,); share of an error that is left a row later.
     step: float  #: Periods.
 
@@ -97,19 +100,29 @@ class Blend:
     """Weights (E, S, A) of E candidates and a variance scale (S, A) of A axes, learnt from past errors.
 
     Leads (L,), s, are scored at ``steps`` (S,), the nearest rows of ``step``, s. ``prior`` weights the candidates where
-    errors do not distinguish them: 60 s hold few independent errors at long leads. ``mean_square`` (E, S, A),
-    ``blended_square`` and 90 % ``coverage`` (S, A) are running averages.
+    errors do not distinguish them: 60 s hold few independent errors at long leads. The ``level`` is the place of one
+    that knows nothing of how the motion is now. ``mean_square`` (E, S, A), ``blended_square`` and 90 % ``coverage``
+    (S, A) are running averages.
     """
 
-    def __init__(self, leads: np.ndarray, step: float, period: float, axes: int, prior: Sequence[float]) -> None:
+    def __init__(
+        self,
+        leads: np.ndarray,
+        step: float,
+        period: float,
+        axes: int,
+        prior: Sequence[float],
+        level: int | None = None,
+    ) -> None:
         self._leads = np.asarray(leads)
         whole = np.maximum(np.round(self._leads / step), 1).astype(int)
         self.steps, self.place_of_lead = np.unique(whole, return_inverse=True)
         candidates, steps = len(prior), self.steps.size
         of_row = np.minimum(self._leads / step, 1.0) ** 2
-        weights = np.array(prior, dtype=float)
-        self._layout = Layout(self.steps, self.place_of_lead, of_row, weights, np.ones(steps), 1.0)
-        self.set_period(step, period)
+        self._prior, self._level = np.array(prior, dtype=float), level
+        self._layout = Layout(
+            self.steps, self.place_of_lead, of_row, np.empty((candidates, steps)), np.ones(steps), 1.0
+        )
         self._row, self._regime = 0, np.zeros(axes, dtype=int)
         rows = int(self.steps[-1]) + 1
         self._kept = Kept(np.full((rows, steps, axes, 5 + candidates), np.nan), np.zeros((rows, axes), dtype=int))
@@ -118,7 +131,7 @@ class Blend:
         spread[::2] = 0.0
         self._errors = Errors(
             np.zeros((candidates, *shape)),
-            np.tile((weights / weights.sum())[:, None, None], shape),
+            np.zeros((candidates, *shape)),
             np.zeros(shape),
             np.full(shape, 1.0 - MISSES),
             np.zeros(shape),
@@ -129,6 +142,7 @@ class Blend:
             np.ones(shape),
         )
         self.mean_square, self.weights, self.blended_square, self.coverage, *_, self.scale, _ = self._errors
+        self.set_period(step, period)
         #: Whether candidates are taken to err by no less than their variance: their past errors do not apply.
         self.is_after_break = False
         #: How many times as large as what they have learnt the candidates' variances are. The newest errors are held
@@ -139,7 +153,12 @@ class Blend:
         """Count memories in a period of the motion; a row is a step, both s."""
         relative = step / period
         memory = np.minimum(LATELY + _MEMORY_LEADS * relative * self.steps, MEMORY_OF_SIZE)
-        self._layout = self._layout._replace(step=relative, keep=1.0 - relative / memory)
+        prior = np.tile(self._prior[:, None], self.steps.size)
+        if self._level is not None:
+            prior[self._level] *= np.minimum(relative * self.steps / LEVEL_PERIODS, 1.0) ** 3
+        unknown = self._errors.time == 0.0
+        self.weights[:, unknown] = (prior / prior.sum(axis=0))[:, unknown.nonzero()[0]]
+        self._layout = self._layout._replace(prior=prior, step=relative, keep=1.0 - relative / memory)
 
     def take(
         self,
@@ -228,7 +247,7 @@ def take_row(errors: Errors, kept: Kept, layout: Layout, row: Row, number: int, 
         for axis in range(axes):
             if is_any_known:
                 known, time = errors.mean_square[:, place, axis], errors.time[place, axis]
-                error_weights(known, time, layout.prior, errors.weights[:, place, axis])
+                error_weights(known, time, layout.prior[:, place], errors.weights[:, place, axis])
             regime = kept.regime[now, axis]
             errors.scale[place, axis] = scale = errors.spread[3, regime, place, axis]
             errors.widened[place, axis] = widened = scale * max(errors.recent[int(regime == FREE), place, axis], 1.0)
@@ -236,7 +255,7 @@ def take_row(errors: Errors, kept: Kept, layout: Layout, row: Row, number: int, 
             noise, variances = row.noise[axis], row.variance[:, place, axis]
             if is_after_break:
                 no_less(square, errors.mean_square[:, place, axis], variances, noise)
-                error_weights(square, errors.time[place, axis], layout.prior, weights)
+                error_weights(square, errors.time[place, axis], layout.prior[:, place], weights)
             leave_out(weights, row.mean[:, place, axis])
             issued, variance = kept.issued[now, place, axis], weighted(weights, variances)
             issued[0], issued[1] = weighted(weights, row.mean[:, place, axis]), variance
@@ -364,7 +383,7 @@ def combined(
             if is_after_break:
                 claimed = ahead.covariance[:, lead, axis, axis]
                 no_less(square, errors.mean_square[:, place, axis], claimed, ahead.noise[axis])
-                error_weights(square, errors.time[place, axis], layout.prior, of_target)
+                error_weights(square, errors.time[place, axis], layout.prior[:, place], of_target)
             # no surer than the candidates are, before errors of this motion are known
             if is_after_break or ahead.regime[axis] == YOUNG:
                 scale = max(scale, 1.0)
