@@ -77,10 +77,9 @@ class Predictor(Node):
             self.upstream.take_waiting()
         messages = [message, *qos.waiting(self._subscription, self._depth)]
         readings = [imu_reading(each) for each in messages]
-        forecast_from = readings[0 if self._is_in_step else -1].stamp_ns - PASSED_OVER_NS
         for each, reading in zip(messages, readings, strict=True):
             begun = perf_counter()
-            self._add(reading, reading.stamp_ns < forecast_from)
+            self._add(reading, reading.stamp_ns < readings[0 if self._is_in_step else -1].stamp_ns - PASSED_OVER_NS)
             self.health.note_frame_id(each.header.frame_id)
             self.health.note_message(reading.stamp_ns, clock_ns, begun, perf_counter())
 
