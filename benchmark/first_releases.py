@@ -2,8 +2,9 @@
 
     OMP_NUM_THREADS=1 python benchmark/first_releases.py
     OMP_NUM_THREADS=1 python benchmark/first_releases.py --rates 100 --periods 1.2 2.4 --seeds 3
+    OMP_NUM_THREADS=1 python benchmark/first_releases.py --rest 40
 
-Craft of some natural periods rest for five seconds, and are pushed, or leaned over and held for three; each has several
+Craft of some natural periods rest for some seconds, and are pushed, or leaned over and held for three; each has several
 seeds of noise, damping and amplitude. For each span of seconds after letting go, and lead: how often the 90 % interval
 held the true roll, the standard deviation issued over the root mean square error, and the most issued over the
 amplitude of then.
@@ -24,24 +25,24 @@ from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSet
 PERIODS = 1.0, 1.4, 2.0, 2.8, 3.5, 4.5, 6.0, 8.0  #: s.
 SECONDS = (0.0, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 5.0), (5.0, 8.0), (8.0, 12.0)
 LEAD, PERIODS_AHEAD = 0.1, (0.25, 0.5, 1.0, 2.0)
-REST, LEAN, HELD, PUSH = 5.0, 1.5, 3.0, 0.5  #: s.
+LEAN, HELD, PUSH = 1.5, 3.0, 0.5  #: s.
 
 
 class Release:
     """Roll and its rate of a linear craft at any time; ``begin``, s, is when nothing acts any more."""
 
-    def __init__(self, period: float, kind: str, seed: int) -> None:
+    def __init__(self, period: float, kind: str, seed: int, rest: float) -> None:
         rng = np.random.default_rng([seed, round(1000 * period)])
         self.amplitude, ratio = np.radians(rng.uniform(4.0, 10.0)), rng.uniform(0.03, 0.12)
         self._natural = 2.0 * np.pi / period
         self._decay = self._natural * (-ratio + 1j * np.sqrt(1.0 - ratio**2))
-        self._is_push = kind == 'push'
-        self.begin = REST + (PUSH if self._is_push else LEAN + HELD)
+        self._is_push, self._rest = kind == 'push', rest
+        self.begin = rest + (PUSH if self._is_push else LEAN + HELD)
         angle, rate = self._driven(np.array([self.begin - 1e-9]))
         self._free = angle[0] - 1j * (rate[0] - self._decay.real * angle[0]) / self._decay.imag
 
     def _driven(self, times):
-        since = np.clip(times - REST, 0.0, None)
+        since = np.clip(times - self._rest, 0.0, None)
         if self._is_push:
             # a hand that pushes harder and harder
             part = since / PUSH
@@ -91,11 +92,12 @@ def main() -> None:
     parser.add_argument('--rates', type=float, nargs='+', default=[25.0], metavar='HZ')
     parser.add_argument('--periods', type=float, nargs='+', default=PERIODS, metavar='S')
     parser.add_argument('--seeds', type=int, default=3)
+    parser.add_argument('--rest', type=float, default=5.0, metavar='S')
     given = parser.parse_args()
     print(f'leads {LEAD} s and {PERIODS_AHEAD} periods | held | stated over error | most over the amplitude')
     for rate, kind in product(given.rates, ('push', 'hold')):
         runs = [
-            forecasts(Release(period, kind, seed), period, rate, seed)
+            forecasts(Release(period, kind, seed, given.rest), period, rate, seed)
             for period in given.periods
             for seed in range(given.seeds)
         ]
