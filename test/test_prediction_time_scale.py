@@ -99,6 +99,13 @@ def test_motion_stretched_in_time_has_a_period_stretched_as_much(factor, seed, h
     assert stretched == pytest.approx(factor * found, rel=1e-9)
 
 
+def test_angles_of_which_no_two_follow_each_other_have_no_period():
+    angle, _ = rows_at(STEP * np.arange(9.0), USUAL_PERIOD, 0.0)
+    angle[1::2] = math.nan
+    for block in (5, 100):
+        assert math.isnan(period_of(angle, np.full_like(angle, math.nan), STEP, np.zeros(1), np.zeros(1), block))
+
+
 def test_a_craft_at_rest_has_no_period():
     rng = np.random.default_rng(3)
     variances = np.full(2, NOISE[0] ** 2), np.full(2, NOISE[1] ** 2)

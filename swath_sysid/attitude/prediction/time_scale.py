@@ -42,7 +42,10 @@ def period_of(
 
 def _square_within(rates: np.ndarray, block: int) -> float:
     """Of rates, NaN where missing: their variance, or their mean square in less than a block: a mean is motion."""
-    return float(np.nanmean(rates**2)) if rates.size < block else _variance_within(rates, block)
+    if rates.size >= block:
+        return _variance_within(rates, block)
+    seen = rates[np.isfinite(rates)]
+    return float(seen @ seen) / max(seen.size, 1)
 
 
 def _variance_within(values: np.ndarray, block: int) -> float:
