@@ -89,17 +89,19 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first."""
     pieces = turning_points.split_at_pauses(motion)
     grids = [list(turning_points.pyramid(turning_points.even_signal(piece))) for piece in pieces]
-    smallest = SMALLEST_AMPLITUDE['rate' if motion.angle is None else 'angle']
-    found = (find_candidates(turned_signals(levels), smallest) for levels in grids)
-    decays = [decay for candidates in found for decay in _decays_among(candidates)]
+    decays = [decay for levels in grids for decay in _decays_among(_sizable_candidates(levels))]
     if not decays:
-        steadied = map(turning_points.steadied, grids, pieces)
-        long = HALF_CYCLES_FOR_REST
-        found = (find_candidates(turned_signals(levels), smallest, long, IRREGULAR) for levels in steadied)
-        # those that begin with a hold
-        decays = [decay for some in found for decay in _decays_among([each for each in some if each.hold])]
+        for levels in map(turning_points.steadied, grids, pieces):
+            long = _sizable_candidates(levels, HALF_CYCLES_FOR_REST, IRREGULAR)
+            # those that begin with a hold
+            decays += _decays_among([each for each in long if each.hold])
     segments = [_segment_of(_without_the_push(candidate, decays), motion) for candidate in _apart(decays)]
     return tuple(_until_the_next(each, segments) for each in segments)
+
+
+def _sizable_candidates(levels: Sequence[EvenSignal], half_cycles: float = 1.0, irregular: float = 0.0):
+    smallest = SMALLEST_AMPLITUDE[levels[0].quantity]
+    return find_candidates(turned_signals(levels), smallest, half_cycles, irregular)
 
 
 def _until_the_next(segment: DecaySegment, others: Sequence[DecaySegment]) -> DecaySegment:

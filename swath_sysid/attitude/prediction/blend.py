@@ -24,9 +24,8 @@ _TAIL_GAIN = 0.32
 # of the time of each lead, over the memory of the variances: what happens more often than that is no surprise, and a
 # candidate that is surprised all the time is judged by half of its errors
 _MAX_EXCUSED = 0.5
-
-#: Ahead from which the level counts in full: sooner, it knows nothing of what the present motion tells.
-LEVEL_PERIODS = 1.0 / 3.0
+# ahead from which the level counts in full: sooner, it knows nothing of what the present motion tells
+_LEVEL_PERIODS = 1.0 / 3.0
 
 _QUANTILE = NORMAL_QUANTILES.item(1)
 
@@ -155,7 +154,7 @@ class Blend:
         memory = np.minimum(LATELY + _MEMORY_LEADS * relative * self.steps, MEMORY_OF_SIZE)
         prior = np.tile(self._prior[:, None], self.steps.size)
         if self._level is not None:
-            prior[self._level] *= np.minimum(relative * self.steps / LEVEL_PERIODS, 1.0) ** 3
+            prior[self._level] *= np.minimum(relative * self.steps / _LEVEL_PERIODS, 1.0) ** 3
         unknown = self._errors.time == 0.0
         self.weights[:, unknown] = (prior / prior.sum(axis=0))[:, unknown.nonzero()[0]]
         self._layout = self._layout._replace(prior=prior, step=relative, keep=1.0 - relative / memory)

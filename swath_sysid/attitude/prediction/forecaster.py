@@ -528,10 +528,11 @@ class Forecaster:
         attitude = bank.forecast(stamp_ns, since_row, lateness, count)
         if not self.settings.points:
             return self._issued(attitude, {}), {}
-        first = attitude.at(self.settings.horizon_step)
-        points = self._points.forecast(attitude if at_points else first, since_row + lateness)
-        whole = self._issued(attitude, points if at_points else {})
-        return whole, whole.at(self.settings.horizon_step).points if at_points else points
+        step, age = self.settings.horizon_step, since_row + lateness
+        if not at_points:
+            return self._issued(attitude, {}), self._points.forecast(attitude.at(step), age)
+        whole = self._issued(attitude, self._points.forecast(attitude, age))
+        return whole, whole.at(step).points
 
     # -- for people
 
