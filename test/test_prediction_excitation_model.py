@@ -55,7 +55,7 @@ def _blocks(seen):
 
 def _request(seen, hull=KNOWN):
     motion, noise = _blocks(seen).T.copy(), [v / SAMPLES for v in VARIANCES]
-    return ExcitationRequest(*hull, STEP, PERIOD, *motion, *noise, SAMPLES)
+    return ExcitationRequest(*hull, STEP, PERIOD, *motion, np.isfinite(motion[0]), *noise, SAMPLES)
 
 
 def _fed(seen):

@@ -450,6 +450,14 @@ def run_on_at_100_hz():
     return lambda time: run(SEA.samples(time), pipeline=copy.deepcopy(pipeline))[1]
 
 
+def test_a_fit_that_arrives_makes_no_forecast_less_sure(run_on_at_100_hz):
+    """The hull's filter goes on from the time of its window's end, which lies between two samples, not from another."""
+    steps = run_on_at_100_hz(60.0 + clock(100.0, 40.0))
+    deviations = np.array([step.forecast.deviation[:, :2] for step in steps if step.forecast])
+    assert sum(step.sea_request is not None for step in steps) >= 3
+    assert (deviations.max(axis=0) < 2.5 * np.median(deviations, axis=0)).all()
+
+
 @pytest.mark.long
 @pytest.mark.parametrize('silent', [1.004, 10.006, 60.003])
 def test_the_first_forecasts_after_a_silence_are_as_sure_as_they_are_right(run_on_at_100_hz, silent):

@@ -45,7 +45,7 @@ def fit_excitation(request: ExcitationRequest) -> ExcitationFit | None:
     if request.angle.size < MIN_SAMPLES or not np.isfinite(request.angle + request.rate).all():
         return None
     moment = reduced_moment(moment_spectrum(request), request)
-    mean, covariance, levels = _state_at_end(request, moment)
+    mean, covariance, levels = _state_now(request, moment)
     return ExcitationFit(moment, mean, covariance, levels, None if request.hull_is_known else request.model)
 
 
@@ -158,12 +158,14 @@ def _filtered_covariance(a: np.ndarray, q: np.ndarray, noise: tuple[float, float
     return h - h @ c.T @ np.linalg.solve(c @ h @ c.T + r, c @ h)
 
 
-def _state_at_end(request: ExcitationRequest, moment: ModalMoment):
-    """Mean, covariance and sizes of a filter with that moment after it has run over the window's end."""
+def _state_now(request: ExcitationRequest, moment: ModalMoment):
+    """Mean, covariance and sizes of a filter with that moment, after it has run over the window's end."""
     r = request
     fitted = HullFilter.for_window(r, moment)
-    begin = max(0, r.angle.size - round(FORECAST_SPAN * r.period / r.step))
-    fitted.start(float(r.angle[begin]), float(r.rate[begin]), r.angle_variance, r.rate_variance)
-    for angle, rate in zip(r.angle[begin + 1 :].tolist(), r.rate[begin + 1 :].tolist(), strict=True):
+    newest = slice(max(0, r.angle.size - round(FORECAST_SPAN * r.period / r.step)), None)
+    (first, *others) = np.where(r.is_measured, [r.angle, r.rate], math.nan).T[newest].tolist()
+    fitted.start(*first, r.angle_variance, r.rate_variance)
+    for angle, rate in others:
         fitted.observe(r.step, angle, rate, r.angle_variance, r.rate_variance)
+    fitted.driven.advance(r.age)
     return fitted.driven.x, fitted.driven.P, tuple(fitted.levels.tolist())

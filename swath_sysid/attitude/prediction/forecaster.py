@@ -431,14 +431,16 @@ class Forecaster:
 
     def _excitation_requests(self):
         step, samples = self._clock.step, self._clock.samples
+        age = self._clock.since_row + 0.5 * (step - step / samples)
         rows = self._rows.last(self._window)[:, OF_MEANS]
         for place, (name, axis) in enumerate(self._axes.items()):
             # what is left when noise is taken off that may be less is no moment of waves
             if axis.hull.is_started and (axis.hull.is_known or all(axis.known_noise)):
-                angle, rate = newest_motion(rows[:, place :: len(AXES)].T, step, self._clock.period)
+                motion = newest_motion(rows[:, place :: len(AXES)].T, step, self._clock.period)
                 hull = axis.hull.learnt_hull()
                 of_angle, of_rate = (variance / samples for variance in axis.noise_to_hull)
-                yield name, ExcitationRequest(*hull, step, self._clock.period, angle, rate, of_angle, of_rate, samples)
+                noise = of_angle, of_rate
+                yield name, ExcitationRequest(*hull, step, self._clock.period, *motion, *noise, samples, age)
 
     def _take_over(self, bank: Bank) -> SeaReport | None:
         """Use a fit whose time has come; its report of the sea state."""

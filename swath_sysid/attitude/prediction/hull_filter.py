@@ -172,9 +172,11 @@ class ExcitationRequest:
     period: float  #: s; of the motion.
     angle: np.ndarray  #: (N,); rad; means of the sensor's samples in a step.
     rate: np.ndarray  #: (N,); rad/s; likewise.
+    is_measured: np.ndarray  #: (N,); else bridged, which says nothing of the motion.
     angle_variance: float  #: Of the noise of these means, rad^2.
     rate_variance: float  #: (rad/s)^2.
     samples: int = 1  #: Of the sensor in a step.
+    age: float = 0.0  #: s since the middle of the last of these steps.
 
 
 @dataclass(frozen=True)
@@ -182,7 +184,7 @@ class ExcitationFit:
     """A learnt moment."""
 
     moment: ModalMoment
-    mean: np.ndarray  #: (n,); of the whole state of a filter with it, at the window's last sample.
+    mean: np.ndarray  #: (n,); of the whole state of a filter with it, when it was requested.
     covariance: np.ndarray  #: (n, n); likewise.
     levels: tuple[float, float]  #: Sizes of the unknown moment and of this one, then.
     stand_in: DecayModel | None = None  #: The hull that it moves; None: the craft's.
@@ -305,9 +307,9 @@ class HullFilter:
             self.driven.set_part(part, 0.0, self.driven.moment[2][self._of_moment[0], self._of_moment[0]])
 
     def set_excitation(self, fit: ExcitationFit, age: float = 0.0) -> None:
-        """Use a learnt moment in the driven hull, from the state at the end of its window.
+        """Use a learnt moment in the driven hull, from the state when it was requested.
 
-        Samples since then are filtered again; ``age``, s, is the time from the window's last sample to the newest one.
+        Samples since then are filtered again; ``age``, s, is the time from the request to the newest one.
         """
         if fit.stand_in is not None:
             self._set_hull(fit.stand_in, replace(self.prior, mean=fit.mean[OF_HULL]))

@@ -154,17 +154,20 @@ def newest_stretch(channels: np.ndarray, step: float, period: float) -> np.ndarr
     )
 
 
-def newest_motion(motion: np.ndarray, step: float, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """The newest stretch of an angle and its rate (2, N), NaN where missing; what is bridged follows both."""
+def newest_motion(motion: np.ndarray, step: float, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The newest stretch of an angle and its rate (2, N), NaN where missing, and where (N,) it is measured.
+
+    What is bridged follows both.
+    """
     numbered = np.vstack([motion, np.arange(float(motion.shape[1]))])
     angle, rate, place = newest_stretch(numbered, step, period)
     known = np.isin(place, np.flatnonzero(np.isfinite(motion).all(axis=0)))
     if known.all() or not known.any():
-        return angle, rate
+        return angle, rate, known
     from scipy.interpolate import CubicHermiteSpline  # loads much, and a complete record needs none of it
 
     curve = CubicHermiteSpline(place[known], angle[known], step * rate[known])
-    return np.where(known, angle, curve(place)), np.where(known, rate, curve.derivative()(place) / step)
+    return np.where(known, angle, curve(place)), np.where(known, rate, curve.derivative()(place) / step), known
 
 
 def warm_up() -> None:
