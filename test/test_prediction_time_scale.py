@@ -26,6 +26,12 @@ def unmeasured(angles):
     return np.full_like(angles, math.nan)
 
 
+def rows_at(ages, period, phase):
+    """Angle and rate (N, 1) of a sine at times, s."""
+    at = math.tau * ages[:, None] / period + phase
+    return SIZE * np.sin(at), SIZE * math.tau / period * np.cos(at)
+
+
 def rows_of(periods, period, step=STEP):
     return round(periods * period / step)
 
@@ -93,6 +99,13 @@ def test_motion_stretched_in_time_has_a_period_stretched_as_much(factor, seed, h
     assert stretched == pytest.approx(factor * found, rel=1e-9)
 
 
+def test_angles_of_which_no_two_follow_each_other_have_no_period():
+    angle, _ = rows_at(STEP * np.arange(9.0), USUAL_PERIOD, 0.0)
+    angle[1::2] = math.nan
+    for block in (5, 100):
+        assert math.isnan(period_of(angle, np.full_like(angle, math.nan), STEP, np.zeros(1), np.zeros(1), block))
+
+
 def test_a_craft_at_rest_has_no_period():
     rng = np.random.default_rng(3)
     variances = np.full(2, NOISE[0] ** 2), np.full(2, NOISE[1] ** 2)
@@ -106,21 +119,23 @@ def test_a_craft_at_rest_has_no_period():
 
 @given(seed=st.integers(0, 1000), count=st.integers(3, 90), block=st.integers(3, 100), lost=st.sampled_from([0.0, 0.3]))
 def test_variances_are_about_the_means_of_the_newest_whole_blocks(seed, count, block, lost):
-    """And where there is no whole one, about the mean of all."""
+    """And where there is no whole one, about the mean of all, of which that of rates is motion."""
     rng = np.random.default_rng(seed)
     values = rng.normal(size=(2, count)).cumsum(axis=1)
     values[rng.uniform(size=values.shape) < lost] = math.nan
     squares = []
+    values = list(values)
     for each in values:
         end, apart = count, []
         while end >= block or end == count:
             part = [value for value in each[max(end - block, 0) : end] if value == value]
+            mean = 0.0 if each is values[1] and count < block else sum(part) / max(len(part), 1)
             if len(part) > 1:
-                apart += [(value - sum(part) / len(part)) ** 2 for value in part]
+                apart += [(value - mean) ** 2 for value in part]
             end -= block
         squares.append(sum(apart) / len(apart) if apart else 0.0)
     found = period_of(*(each[:, None] for each in values), STEP, np.zeros(1), np.zeros(1), block)
-    if min(np.isfinite(values).sum(axis=1)) < 3:
+    if min(np.isfinite(each).sum() for each in values) < 3:
         return
     if min(squares) == 0.0:
         assert math.isnan(found)
@@ -246,7 +261,7 @@ def test_another_period_must_differ_by_more_the_longer_the_motion_is_known():
 
 
 @pytest.mark.parametrize('calm', [2.0, 30.0])
-def test_after_a_calm_the_first_motion_is_taken_at_its_first_look(calm):
+def test_after_a_calm_the_first_motion_is_taken_as_soon_as_it_is_known(calm):
     """Of another motion that was known for long, less than two fifths different, nothing would be taken."""
     known = 20.0 * USUAL_PERIOD
     begin = known + calm * USUAL_PERIOD
@@ -254,8 +269,10 @@ def test_after_a_calm_the_first_motion_is_taken_at_its_first_look(calm):
         scale, other = TimeScale(), ratio * USUAL_PERIOD
         found = looks(scale, spells((known, USUAL_PERIOD), (begin, math.nan), (math.inf, other)), begin + 30.0)
         assert not any(took for age, took in found if age <= begin)
-        age, took = next(each for each in found if each[0] > begin)
-        assert took and age <= begin + 0.26 * USUAL_PERIOD
+        # since the last look at the calm
+        known_at = max(age for age, _ in found if age <= begin) + 1.25 * other
+        assert [took for age, took in found if begin < age][: sum(begin < age < known_at for age, _ in found) + 1][-1]
+        assert not any(took for age, took in found if age < known_at)
     # one that differs less: within its first period, however long the one before was known
     for other in (1.3 * USUAL_PERIOD, USUAL_PERIOD / 1.3):
         for end, is_taken in ((begin, True), (known, False)):
@@ -279,10 +296,28 @@ def test_the_past_looked_at_is_thirty_periods_in_blocks_of_two():
     assert scale.past(1e4) == (pytest.approx(30.0 * USUAL_PERIOD), pytest.approx(2.0 * USUAL_PERIOD))
 
 
-@pytest.mark.parametrize(('interval', 'period'), [(0.01, USUAL_PERIOD), (0.3, USUAL_PERIOD), (1.0, 10.0), (6.0, 60.0)])
-def test_a_sensor_is_expected_to_see_ten_samples_of_a_motion(interval, period):
+@given(st.floats(0.25, 0.98), st.floats(0.0, math.tau), st.floats(0.05, 1.0))
+def test_a_part_of_a_period_makes_no_motion_quicker_than_was_known(part, phase, share):
+    """Where it turns, it looks like one whose period has just been seen."""
+    ages = np.linspace(0.0, part * USUAL_PERIOD, 60)
+    angle, rate = rows_at(ages, USUAL_PERIOD, phase)
+    found = period_of(angle, rate, ages[1], np.zeros(1), np.zeros(1), 1000)
+    scale = TimeScale()
+    scale.period = known = share * USUAL_PERIOD
+    scale.follow(found, ages[-1])
+    assert scale.period >= known
+    assert scale.period <= max(1.26 * USUAL_PERIOD, known)
+
+
+@pytest.mark.parametrize(
+    ('interval', 'period', 'usual'),
+    [(0.01, 0.32, USUAL_PERIOD), (0.3, USUAL_PERIOD, USUAL_PERIOD), (1.0, 10.0, 10.0), (6.0, 60.0, 60.0)],
+)
+def test_a_sensor_is_expected_to_see_ten_samples_of_a_motion_and_a_quick_one_a_quick_motion(interval, period, usual):
+    """Until it sees a craft at rest."""
     scale = TimeScale()
     scale.expect(interval)
     assert scale.period == pytest.approx(period)
-    ages = [age for age, _ in looks(scale, math.nan, period)]
-    assert ages[0] == pytest.approx(0.25 * period, abs=0.02)
+    (first, took), *later = looks(scale, math.nan, 3.0 * usual)
+    assert first == pytest.approx(0.25 * period, abs=0.02) and took == (usual > period)
+    assert scale.period == usual and not any(took for _, took in later)

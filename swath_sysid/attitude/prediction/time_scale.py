@@ -5,8 +5,11 @@ import math
 import numpy as np
 
 from swath_sysid.attitude.prediction.hull_state import NOW, USUAL_PERIOD
+from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 
 _FIRST_LOOK = 0.25  #: Periods of motion; doubled from look to look until it is settled, and one from then on.
+#: Periods of motion: any part of a slower one, where it turns, seems to have lasted for less.
+_CONCLUSIVE = 1.25
 _PAST = 30.0  #: Periods that are looked at, about the means of every `NOW`.
 _LEAST_SAMPLES = 10.0  #: A period; whoever chooses a sensor expects to see the motion.
 #: Relative differences from which another period is taken: at first, until it is settled, and for another sea.
@@ -31,10 +34,18 @@ def period_of(
             continue
         if np.isfinite(rate).sum() < 3:
             rate, noise[1] = np.diff(angle) / step, 2.0 * noise[0] / step**2
-        square, rate_square = _variance_within(angle, block) - noise[0], _variance_within(rate, block) - noise[1]
+        square, rate_square = _variance_within(angle, block) - noise[0], _square_within(rate, block) - noise[1]
         if square > noise[0] and rate_square > 0.0:
             of_angle, of_rate = of_angle + square, of_rate + rate_square
     return 2.0 * math.pi * math.sqrt(of_angle / of_rate) if of_rate else math.nan
+
+
+def _square_within(rates: np.ndarray, block: int) -> float:
+    """Of rates, NaN where missing: their variance, or their mean square in less than a block: a mean is motion."""
+    if rates.size >= block:
+        return _variance_within(rates, block)
+    seen = rates[np.isfinite(rates)]
+    return float(seen @ seen) / max(seen.size, 1)
 
 
 def _variance_within(values: np.ndarray, block: int) -> float:
@@ -48,12 +59,13 @@ class TimeScale:
     """The period that a motion's rows and memories are laid out by, and when to look at it again."""
 
     def __init__(self) -> None:
-        self.period = USUAL_PERIOD  #: s.
+        self.period = self._usual = USUAL_PERIOD  #: s.
         self._begun, self._due = 0.0, math.nan
 
     def expect(self, interval: float) -> None:
-        """Before any motion: of a craft for which a sensor has this interval, s."""
-        self.period = max(USUAL_PERIOD, _LEAST_SAMPLES * interval)
+        """Before any motion: of a craft for which a sensor has this interval, s, and which may be quick."""
+        self._usual = max(USUAL_PERIOD, _LEAST_SAMPLES * interval)
+        self.period = min(self._usual, ROWS_A_PERIOD * interval)
 
     def is_due(self, age: float) -> bool:
         """Whether to look again after so many s of samples."""
@@ -68,15 +80,19 @@ class TimeScale:
     def follow(self, found: float, age: float) -> bool:
         """Take the period, s, of the past after so many s of samples; whether another one is used from now on.
 
-        NaN where nothing moves yet: what is found next is the first of another motion.
+        NaN where nothing moves yet: what is found next is the first of another motion, of the usual period or more.
         """
-        first = _FIRST_LOOK * self.period
         if found != found:
-            self._begun, self._due = age, age + first
-            return False
+            before, self.period = self.period, max(self.period, self._usual)
+            self._begun, self._due = age, age + _FIRST_LOOK * self.period
+            return self.period != before
+        first = _FIRST_LOOK * self.period
         since = max(age - self._begun, first)
         known = since / self.period
         tolerance = _EARLY if known < _EARLY_PERIODS else _SETTLED if known < _SETTLED_PERIODS else _OTHER
+        if since < _CONCLUSIVE * found:
+            # a slower motion would look the same
+            found = max(found, self.period)
         # less than a period of motion says so much less
         found = self.period * (found / self.period) ** min(1.0, since / found)
         is_other = not 1.0 / (1.0 + tolerance) < found / self.period < 1.0 + tolerance
