@@ -190,6 +190,15 @@ def test_a_motion_that_is_a_cubic_is_filled_without_error(degree, lost):
     np.testing.assert_allclose(found[:, 2], slope(at), atol=1e-8)
 
 
+@pytest.mark.parametrize('lost', [1, 3])
+def test_a_rate_that_is_filled_is_no_noisier_than_those_beside_it(lost):
+    """Whatever the noise of the angles, whose difference over so short a time says nothing."""
+    rng = np.random.default_rng(0)
+    kept = np.delete(clock_ticks(100.0, 2000), [place + k for place in range(100, 1900, 7) for k in range(lost)])
+    rows = rows_of(RowClock(), kept, change=lambda sample: sample._replace(roll=rng.normal(0.0, 5e-3), roll_rate=0.01))
+    assert values_of(rows, OF_MEANS)[:, 2] == pytest.approx(0.01)
+
+
 def test_an_angle_without_rate_is_filled_by_a_line():
     kept = np.delete(clock_ticks(10.0, 40), 20)
     rows = rows_of(RowClock(), kept, change=lambda sample: sample._replace(roll_rate=math.nan))

@@ -163,8 +163,8 @@ def _state_now(request: ExcitationRequest, moment: ModalMoment):
     r = request
     fitted = HullFilter.for_window(r, moment)
     newest = slice(max(0, r.angle.size - round(FORECAST_SPAN * r.period / r.step)), None)
-    (first, *others) = np.where(r.is_measured, [r.angle, r.rate], math.nan).T[newest].tolist()
-    fitted.start(*first, r.angle_variance, r.rate_variance)
+    (angle, rate), *others = np.where(r.is_measured, [r.angle, r.rate], math.nan).T[newest].tolist()
+    fitted.start(angle, rate, r.angle_variance, r.rate_variance)
     for angle, rate in others:
         fitted.observe(r.step, angle, rate, r.angle_variance, r.rate_variance)
     fitted.driven.advance(r.age)

@@ -43,6 +43,8 @@ _INTERVALS = 51  #: Of which the first guess of the interval is the median, and 
 #: Relative differences of a step: that begin rows anew (of the interval: from which samples are read between), and up
 #: to which it is the same one.
 _NEW_STEP, _SAME_STEP = 0.3, 2e-3
+#: Rows; over less, a line between two rates errs by half a percent, and the difference of two angles by their noise.
+_STRAIGHT = 1.0
 AT_ONCE = 0.02  #: Of a step or an interval: what is less apart in time is not told apart.
 _UNKNOWN = (math.nan, math.nan)
 
@@ -252,8 +254,9 @@ class RowClock:
             before[len(ATTITUDE) :] = self._values[len(ATTITUDE) :] = [math.nan] * (len(CHANNELS) - len(ATTITUDE))
         for share in shares:
             if share < 1.0:
-                values = _between(before, self._newest, share, elapsed)
-                motion = _between(filtered_before or self._filtered, self._filtered, share, elapsed)
+                turns = elapsed > _STRAIGHT * self.step
+                values = _between(before, self._newest, share, elapsed, turns)
+                motion = _between(filtered_before or self._filtered, self._filtered, share, elapsed, turns)
             else:
                 values, motion = self._newest, self._filtered
             if self._is_row(values):
@@ -294,9 +297,9 @@ class RowClock:
         return [*channels, *values[: len(ATTITUDE)], *means]
 
 
-def _between(before: Sequence[float], after: Sequence[float], share: float, elapsed: float) -> list[float]:
-    """Values, `ATTITUDE` first, at a share of the elapsed s between two samples, linear; those of `ATTITUDE`, which
-    turn, by cubics of Hermite.
+def _between(before: Sequence[float], after: Sequence[float], share: float, elapsed: float, turns: bool) -> list[float]:
+    """Values, `ATTITUDE` first, at a share of the elapsed s between two samples, linear; angles and, where the motion
+    ``turns``, their rates by cubics of Hermite.
     """
     values = [a + share * (b - a) for a, b in zip(before, after, strict=True)]
     rest = 1.0 - share
@@ -309,7 +312,8 @@ def _between(before: Sequence[float], after: Sequence[float], share: float, elap
         slope = (rest * (1.0 - 3.0 * share) * over + share * (2.0 - 3.0 * share) * under) / elapsed
         if added == added:
             values[angle] += added
-            values[rate] = (after[angle] - before[angle]) / elapsed + slope
+            if turns:
+                values[rate] = (after[angle] - before[angle]) / elapsed + slope
     return values
 
 
