@@ -10,10 +10,14 @@ from scipy.signal import lfilter
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.hull.simulation import motion_step
+from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.prediction import excitation_model as excitation
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilter, HullPrior
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.hull_track import HULL_STATES
+from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
 HULL = hull_named('swath-roll').model
 EXACT = IdentifiedModel.exactly(HULL)
@@ -21,6 +25,7 @@ KNOWN = HULL, HullPrior.of(EXACT), False, True
 NOISE = 5e-4, 3e-3
 STEP, PERIOD, SAMPLES, COUNT = 0.1, USUAL_PERIOD, 10, 30_000
 PEAK, WIDTH, SIZE = 2.2, 0.25, 0.06
+LEADS = (0.5, 1.0, 2.0)
 
 
 def _density(frequency):
@@ -84,6 +89,32 @@ def test_the_moment_is_found_through_the_nonlinear_hull_and_reduced(sea):
     assert excitation.fit_excitation(_request(sea[1][:2000])) is None
     request.angle[100] = math.nan
     assert excitation.fit_excitation(request) is None
+
+
+def _errors_of_roll(sea, every, begin, end):
+    """Root mean square, rad, at `LEADS` of forecasts issued from begin to end, s, from every so many of the samples."""
+    true, seen = sea
+    settings = ForecasterSettings(LEADS, horizon=2.0, horizon_step=1.0, forecast_rate=2.0)
+    pipeline, errors = ForecastPipeline(PipelineSettings(forecaster=settings)), []
+    pipeline.set_models({'roll': EXACT})
+    ahead = np.round(100.0 * np.array(LEADS)).astype(int)
+    for k in range(0, round(100.0 * end), every):
+        roll, roll_rate = seen[k].tolist()
+        known = {'roll': roll, 'roll_rate': roll_rate, 'roll_variance': VARIANCES[0], 'roll_rate_variance': VARIANCES[1]}
+        unknown = dict.fromkeys(CraftSample._fields, math.nan)
+        step = pipeline.add_sample(CraftSample(**(unknown | known | {'stamp_ns': 10_000_000 * k})))
+        if step.sea_request is not None:
+            pipeline.install(fit_sea(step.sea_request))
+        if step.forecast is not None and k >= 100.0 * begin:
+            errors.append(step.forecast.angle('roll') - true[k + ahead, 0])
+    return np.sqrt(np.mean(np.square(errors), axis=0))
+
+
+@pytest.mark.long
+def test_on_a_known_hull_a_quicker_sensor_is_no_worse(sea):
+    """Whose rows are means of samples, and whose fits are asked for between two rows."""
+    slow, quick = (_errors_of_roll(sea, every, 60.0, 160.0) for every in (10, 2))
+    assert (quick < slow).all(), (quick, slow)
 
 
 @pytest.mark.long
