@@ -100,7 +100,12 @@ def _errors_of_roll(sea, every, begin, end):
     ahead = np.round(100.0 * np.array(LEADS)).astype(int)
     for k in range(0, round(100.0 * end), every):
         roll, roll_rate = seen[k].tolist()
-        known = {'roll': roll, 'roll_rate': roll_rate, 'roll_variance': VARIANCES[0], 'roll_rate_variance': VARIANCES[1]}
+        known = {
+            'roll': roll,
+            'roll_rate': roll_rate,
+            'roll_variance': VARIANCES[0],
+            'roll_rate_variance': VARIANCES[1],
+        }
         unknown = dict.fromkeys(CraftSample._fields, math.nan)
         step = pipeline.add_sample(CraftSample(**(unknown | known | {'stamp_ns': 10_000_000 * k})))
         if step.sea_request is not None:
