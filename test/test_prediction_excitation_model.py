@@ -98,16 +98,11 @@ def _errors_of_roll(sea, every, begin, end):
     pipeline, errors = ForecastPipeline(PipelineSettings(forecaster=settings)), []
     pipeline.set_models({'roll': EXACT})
     ahead = np.round(100.0 * np.array(LEADS)).astype(int)
+    channels = 'roll', 'roll_rate', 'roll_variance', 'roll_rate_variance'
     for k in range(0, round(100.0 * end), every):
-        roll, roll_rate = seen[k].tolist()
-        known = {
-            'roll': roll,
-            'roll_rate': roll_rate,
-            'roll_variance': VARIANCES[0],
-            'roll_rate_variance': VARIANCES[1],
-        }
-        unknown = dict.fromkeys(CraftSample._fields, math.nan)
-        step = pipeline.add_sample(CraftSample(**(unknown | known | {'stamp_ns': 10_000_000 * k})))
+        sample = dict.fromkeys(CraftSample._fields, math.nan) | {'stamp_ns': 10_000_000 * k}
+        sample |= zip(channels, [*seen[k].tolist(), *VARIANCES], strict=True)
+        step = pipeline.add_sample(CraftSample(**sample))
         if step.sea_request is not None:
             pipeline.install(fit_sea(step.sea_request))
         if step.forecast is not None and k >= 100.0 * begin:

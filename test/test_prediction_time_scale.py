@@ -124,18 +124,17 @@ def test_variances_are_about_the_means_of_the_newest_whole_blocks(seed, count, b
     values = rng.normal(size=(2, count)).cumsum(axis=1)
     values[rng.uniform(size=values.shape) < lost] = math.nan
     squares = []
-    values = list(values)
-    for each in values:
+    for each, is_rate in zip(values, (False, True), strict=True):
         end, apart = count, []
         while end >= block or end == count:
             part = [value for value in each[max(end - block, 0) : end] if value == value]
-            mean = 0.0 if each is values[1] and count < block else sum(part) / max(len(part), 1)
+            mean = 0.0 if is_rate and count < block else sum(part) / max(len(part), 1)
             if len(part) > 1:
                 apart += [(value - mean) ** 2 for value in part]
             end -= block
         squares.append(sum(apart) / len(apart) if apart else 0.0)
     found = period_of(*(each[:, None] for each in values), STEP, np.zeros(1), np.zeros(1), block)
-    if min(np.isfinite(each).sum() for each in values) < 3:
+    if min(np.isfinite(values).sum(axis=1)) < 3:
         return
     if min(squares) == 0.0:
         assert math.isnan(found)
