@@ -61,7 +61,7 @@ def scored(arguments: Namespace) -> scoring.Skill:
     if points:
         even_stretches(trial)
     warmup = scoring.usual_warmup(trial) if arguments.warmup is None else arguments.warmup
-    scoring.check_warmup(trial, warmup, arguments.leads[-1], arguments.until)
+    scoring.check_scorable(trial, warmup, arguments.leads[-1], arguments.until)
     angles, rates = (given or (math.inf, math.inf) for given in (arguments.quiet_deg, arguments.quiet_rate_deg_s))
     base = ForecasterSettings()
     quiet_for = arguments.quiet_for or base.horizon

@@ -117,8 +117,11 @@ def usual_limits(
     return replace(limits, **found)
 
 
-def check_warmup(trial: Trial, warmup: float, longest_lead: float, until: float | None = None) -> None:
-    """Refuse a warm-up, s, after which no forecast up to ``until``, s, is left to score."""
+def check_scorable(trial: Trial, warmup: float, longest_lead: float, until: float | None = None) -> None:
+    """Refuse a record without angles, or a warm-up, s, after which no forecast up to ``until``, s, is left to score."""
+    if not any(axis in trial.channels for axis in AXES):
+        cause = next((each.message for each in trial.advice if each.code == BLANK_ORIENTATION), 'give roll or pitch')
+        raise InputError(f'{trial.source or "the record"} has no angles to score forecasts on: {cause}')
     duration = float(trial.time[-1] - trial.time[0])
     if until is not None and until <= warmup < duration - longest_lead:
         raise InputError(
@@ -179,10 +182,7 @@ def score(
         leads = run.steps[0].forecast.leads if run.steps else (math.inf,)
     leads = np.array(sorted({float(lead) for lead in leads}))
     axes, name = [axis for axis in AXES if axis in trial.channels], trial.source or 'the record'
-    if not axes:
-        cause = next((each.message for each in trial.advice if each.code == BLANK_ORIENTATION), 'give roll or pitch')
-        raise InputError(f'{name} has no angles to score forecasts on: {cause}')
-    check_warmup(trial, warmup, leads[-1], until)
+    check_scorable(trial, warmup, leads[-1], until)
     start, end = float(trial.time[0]), float(trial.time[-1])
     until = end - start if until is None else float(until)
     scored = tuple(s for s in run.steps if start + warmup <= s.stamp <= start + until)

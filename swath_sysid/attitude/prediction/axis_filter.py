@@ -11,6 +11,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
 from swath_sysid.attitude.prediction.hull_state import NOW, USUAL_PERIOD
 from swath_sysid.attitude.prediction.hull_watch import HullWatch
+from swath_sysid.attitude.prediction.unmeasured_angle import UnmeasuredAngle
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import THREE_STD
 
@@ -56,12 +57,23 @@ class AxisFilter:
         self.rows_since_surprise = 10**9
         self._meters = NoiseMeter(*ANGLE_NOISE), NoiseMeter(*RATE_NOISE)
         self._agreement = AgreementMeter()
+        self.unmeasured = UnmeasuredAngle(memory)
 
     @property
     def motion(self) -> tuple[float, float]:
         """Filtered angle and rate, rad and rad/s."""
         state = self.hull.x
         return state.item(0), state.item(1)
+
+    @property
+    def doubt_of_level(self) -> float:
+        """Variance, rad^2, of the level where no angle tells it, and no hull that comes back to its trim."""
+        return self.unmeasured.level_variance if self.hull.model is None and self.unmeasured.is_unknown else 0.0
+
+    @property
+    def doubt_of_angle(self) -> float:
+        """Variance, rad^2, of what stands in for an angle that is unknown; zero where it is measured."""
+        return self.doubt_of_level + self.hull.P.item(0, 0) if self.unmeasured.is_unknown else 0.0
 
     def set_model(self, identified: IdentifiedModel | None) -> None:
         """Swap the hull; None where none is known."""
@@ -75,7 +87,7 @@ class AxisFilter:
         # a craft that is held and released moves as its hull does
         natural = math.inf if self.identified is None else self.identified.model.natural_period
         self.hull.set_period(min(period, natural))
-        self.size.period = self._agreement.period = period
+        self.size.period = self._agreement.period = self.unmeasured.period = period
 
     def follow(
         self, angle: float, rate: float, reported: Sequence[float], elapsed: float, linked: bool, even: bool
@@ -88,6 +100,10 @@ class AxisFilter:
         if not hull.is_started and angle != angle and rate != rate:
             return False, False
         variances = self._variances(angle, rate, reported, even)
+        unmeasured = self.unmeasured
+        unmeasured.take(angle, rate, elapsed)
+        if unmeasured.is_missing:
+            rate -= unmeasured.bias
         rejected = restarted = False
         if linked and hull.is_started:
             of_angle, of_rate = variances
@@ -95,6 +111,10 @@ class AxisFilter:
                 self._agreement.restart()
             of_rate += self._agreement.take(elapsed, angle, rate, of_angle, of_rate)
             self.noise_to_hull = of_angle, of_rate
+            if unmeasured.is_missing and elapsed > 0.0:
+                of_rate += unmeasured.rate_noise(elapsed)
+                if hull.model is None and unmeasured.is_unknown:
+                    angle, of_angle = unmeasured.level, unmeasured.angle_noise(elapsed)
             observed = hull.observe(elapsed, angle, rate, of_angle, of_rate)
             rejected, restarted = observed.rejected, observed.restarted
             if self.identified is not None and (observed.surprised or restarted):

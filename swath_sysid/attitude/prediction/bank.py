@@ -204,7 +204,9 @@ class Bank:
         for place, axis in enumerate(self._axes):
             centre[place] = axis.size.mean
             # no wilder than the motion of now
-            reach = THREE_STD * max(axis.size.extent, math.sqrt(axis.noise[0]))
+            doubt = axis.doubt_of_angle
+            ahead.covariance[:, place, place] += doubt
+            reach = THREE_STD * max(axis.size.extent, math.sqrt(max(axis.noise[0], doubt)))
             largest[place::2] = reach, reach * 2.0 * math.pi / self._period
         bound(ahead.mean, ahead.covariance, centre, largest)
         return ahead

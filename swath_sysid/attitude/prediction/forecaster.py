@@ -253,7 +253,8 @@ class Forecaster:
             return step
         sea = self._take_over(bank)
         filtered = [axis.motion if axis.hull.is_started else None for axis in self._axes.values()]
-        for age, row in self._clock.take(sample, self._sampled, filtered):
+        unknown = [axis.unmeasured.is_unknown for axis in self._axes.values()]
+        for age, row in self._clock.take(sample, self._sampled, filtered, unknown):
             self._steps += 1
             if row is not None:
                 self._take_row(bank, self._steps, self._stamp - age, row)
@@ -485,6 +486,7 @@ class Forecaster:
             of_axis = slice(place, None, len(AXES))
             if axis.hull.is_started:
                 mean[0, of_axis], covariance[0, of_axis, of_axis] = axis.hull.ahead(lead + self._clock.sensor.lateness)
+                covariance[0, place, place] += axis.doubt_of_level
             else:
                 mean[0, of_axis] = covariance[0, of_axis] = covariance[0, :, of_axis] = math.nan
         return self._issued(Forecast(stamp_ns, np.array([lead]), mean, covariance), {})

@@ -147,6 +147,7 @@ class RowClock:
         self._ticks, self._lag = self.samples - 1, 0.0
         self._newest = self._values = [math.nan] * len(CHANNELS)
         self._filtered: list[float] = []
+        self._stands_in: Sequence[bool] = ()
         self._clear_block()
 
     def pause(self) -> None:
@@ -219,12 +220,18 @@ class RowClock:
         return [*values, *values[: len(ATTITUDE)], *values[: len(ATTITUDE)]]
 
     def take(
-        self, sample: CraftSample, sampled: Sampled, filtered: Sequence[tuple[float, float] | None]
+        self,
+        sample: CraftSample,
+        sampled: Sampled,
+        filtered: Sequence[tuple[float, float] | None],
+        stands_in: Sequence[bool] = (),
     ) -> list[tuple[float, list[float] | None]]:
         """Take a sample: the rows that it completes, each with its age, s, and None where nothing is known of one.
 
-        Filtered angle and rate by axis, where known, take the part of smoothed ones.
+        Filtered angle and rate by axis, where known, take the part of smoothed ones, and where the filtered angle
+        stands in, of one that is not measured while the rate is.
         """
+        self._stands_in = stands_in
         elapsed = sampled.intervals * self.interval
         before, self._newest = self._newest, list(_channels_of(sample))
         angles_and_rates = zip(*(motion or _UNKNOWN for motion in filtered), strict=True)
@@ -294,7 +301,11 @@ class RowClock:
                     channels[place] = value
         means = [total / count if count else math.nan for total, count in zip(self._sums, self._counts, strict=True)]
         self._clear_block()
-        return [*channels, *values[: len(ATTITUDE)], *means]
+        sampled = list(values[: len(ATTITUDE)])
+        for angle, stands_in in enumerate(self._stands_in):
+            if stands_in and sampled[angle + len(AXES)] == sampled[angle + len(AXES)]:
+                channels[angle] = sampled[angle] = filtered[angle]
+        return [*channels, *sampled, *means]
 
 
 def _between(before: Sequence[float], after: Sequence[float], share: float, elapsed: float, turns: bool) -> list[float]:

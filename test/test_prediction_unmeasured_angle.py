@@ -1,0 +1,125 @@
+"""A sensor without orientation: the bias of its rate, and forecasts that know what they do not know."""
+
+import math
+
+import numpy as np
+import pytest
+from craft_at_sea import known_sea
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.rows import OF_CHANNELS, OF_MEANS, OF_SAMPLE, RowClock, Sampled
+from swath_sysid.attitude.prediction.unmeasured_angle import GYRO_BIAS_STD, LEVEL_STD, UnmeasuredAngle
+from swath_sysid.pipeline.record_run import run_through
+
+HULL = hull_named('swath-roll').model
+KNOWN = {'roll': IdentifiedModel.exactly(HULL)}
+LEADS = 0.1, 0.5, 1.0
+INTERVAL = 0.05
+WINDOW = 375.0
+
+
+@given(
+    bias=st.floats(-GYRO_BIAS_STD, GYRO_BIAS_STD),
+    amplitude=st.floats(0.01, 0.3),
+    period=st.floats(0.5, 12.0),
+    phase=st.floats(0.0, math.tau),
+    periods=st.floats(0.3, 30.0),
+)
+def test_a_bias_is_found_within_three_standard_deviations(bias, amplitude, period, phase, periods):
+    unmeasured = UnmeasuredAngle(WINDOW)
+    unmeasured.period = period
+    times = period / 50.0 * np.arange(1, round(50.0 * periods) + 1)
+    for rate in bias + amplitude * math.tau / period * np.cos(math.tau / period * times + phase):
+        unmeasured.take(math.nan, rate, period / 50.0)
+    # a part of a cycle tells too little of the motion's size
+    if periods > 1.0:
+        assert abs(unmeasured.bias - bias) < 3.0 * math.sqrt(unmeasured.bias_variance) + 0.02 * amplitude / period
+        of_angles = (amplitude**2 + 2.0 * (bias * period / math.tau) ** 2) / min(times[-1], 19.0 * period) ** 2
+        assert unmeasured.bias_variance == pytest.approx(1.0 / (1.0 / GYRO_BIAS_STD**2 + 1.0 / of_angles), rel=0.5)
+
+
+def test_an_angle_is_missing_after_a_radian_and_unknown_after_all_that_is_learnt_from():
+    unmeasured = UnmeasuredAngle(10.0)
+    assert unmeasured.is_missing and unmeasured.is_unknown
+    unmeasured.take(0.1, 0.0, 0.0)
+    assert not unmeasured.is_missing and not unmeasured.is_unknown
+    assert (unmeasured.level, unmeasured.level_variance) == (0.1, 0.0)
+    unmeasured.take(math.nan, 0.0, unmeasured.period / 6.0)
+    assert unmeasured.is_missing and not unmeasured.is_unknown
+    unmeasured.take(math.nan, 0.0, 10.0 * unmeasured.period)
+    assert unmeasured.is_unknown
+
+
+@pytest.fixture(scope='module')
+def sea():
+    return known_sea(HULL, (1,), 1.2, 0.04, 110.0, interval=INTERVAL)
+
+
+def forecasts_of(sea, models, bias=0.0, **beside):
+    """Errors and standard deviations (N, L) of the roll, over the motion's, after a minute."""
+    rate = sea.rate[:, 0] + bias + np.random.default_rng(1).normal(scale=2e-3, size=sea.time.size)
+    trial = Trial(sea.time - sea.time[0], roll_rate=rate, **beside)
+    settings = ForecasterSettings(LEADS, forecast_rate=2.0)
+    steps = [step for step in run_through(trial, settings, models).steps if step.stamp > 60.0]
+    at = np.array([step.stamp for step in steps])[:, None] + LEADS
+    truth = np.interp(at, trial.time, sea.angle[:, 0], right=math.nan)
+    errors = np.array([step.forecast.angle('roll') for step in steps]) - truth
+    deviations, size = np.array([step.forecast.deviation[:, 0] for step in steps]), sea.angle[:, 0].std()
+    known = np.isfinite(errors).all(axis=1)
+    return errors[known] / size, deviations[known] / size
+
+
+@pytest.fixture(scope='module')
+def of_complete_sensor(sea):
+    """Root mean square errors (L,) where the angle is measured, without a hull."""
+    noise = np.random.default_rng(2).normal(scale=5e-4, size=sea.time.size)
+    errors, _ = forecasts_of(sea, {}, roll=sea.angle[:, 0] + noise)
+    return np.sqrt(np.mean(errors**2, axis=0))
+
+
+@pytest.mark.parametrize('bias_deg', [0.3, -3.0])
+def test_on_a_known_hull_a_biased_gyroscope_alone_is_as_good_as_a_complete_sensor_without(
+    sea, of_complete_sensor, bias_deg
+):
+    errors, deviations = forecasts_of(sea, KNOWN, math.radians(bias_deg))
+    root_mean_square = np.sqrt(np.mean(errors**2, axis=0))
+    assert np.all(root_mean_square < 1.15 * of_complete_sensor + [0.1, 0.0, 0.0])
+    assert np.all(np.mean(np.abs(errors) < 1.645 * deviations, axis=0) >= 0.85)
+    assert np.all(deviations.mean(axis=0) < 2.5 * root_mean_square)
+
+
+def test_without_a_hull_forecasts_are_about_a_level_that_nothing_tells(sea, of_complete_sensor):
+    errors, deviations = forecasts_of(sea, {}, math.radians(0.3))
+    assert np.all(errors.std(axis=0) < 1.15 * of_complete_sensor + [0.1, 0.0, 0.0])
+    level = LEVEL_STD / sea.angle[:, 0].std()
+    assert np.all((deviations > level) & (deviations < 1.5 * level))
+
+
+def sample_with(**values):
+    return CraftSample(**{**dict.fromkeys(CraftSample._fields, math.nan), 'stamp_ns': 0, **values})
+
+
+@pytest.mark.parametrize(('values', 'stands_in', 'roll'), [
+    ({'roll_rate': 0.2}, True, 0.1),
+    ({'roll_rate': 0.2}, False, math.nan),
+    ({'roll': 0.3, 'roll_rate': 0.2}, True, 0.3),
+    ({}, True, math.nan),
+])  # fmt: skip
+def test_the_filtered_angle_stands_in_where_only_the_rate_is_measured(values, stands_in, roll):
+    clock = RowClock()
+    for _ in range(60):
+        clock.sensor.follow(0.1)
+    clock.lay_out(3.2)
+    filtered = (0.1, 0.2), None
+    ((_, row),) = clock.take(
+        sample_with(**values), Sampled(0.1, 1), filtered, (stands_in and 'roll' not in values, False)
+    )
+    assert row[OF_CHANNELS][0] == pytest.approx(roll, nan_ok=True)
+    assert row[OF_SAMPLE][0] == pytest.approx(roll, nan_ok=True)
+    assert row[OF_MEANS][0] == pytest.approx(values.get('roll', math.nan), nan_ok=True), 'what a hull is learnt from'
