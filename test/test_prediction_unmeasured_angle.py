@@ -7,6 +7,7 @@ import pytest
 from craft_at_sea import known_sea
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
@@ -14,7 +15,13 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.rows import OF_CHANNELS, OF_MEANS, OF_SAMPLE, RowClock, Sampled
-from swath_sysid.attitude.prediction.unmeasured_angle import GYRO_BIAS_STD, LEVEL_STD, UnmeasuredAngle
+from swath_sysid.attitude.prediction.unmeasured_angle import (
+    FORCE_STD,
+    GYRO_BIAS_STD,
+    LEVEL_STD,
+    Gravity,
+    UnmeasuredAngle,
+)
 from swath_sysid.pipeline.record_run import run_through
 
 HULL = hull_named('swath-roll').model
@@ -22,6 +29,7 @@ KNOWN = {'roll': IdentifiedModel.exactly(HULL)}
 LEADS = 0.1, 0.5, 1.0
 INTERVAL = 0.05
 WINDOW = 375.0
+SLOWER = 2.0
 
 
 @given(
@@ -40,7 +48,9 @@ def test_a_bias_is_found_within_three_standard_deviations(bias, amplitude, perio
     # a part of a cycle tells too little of the motion's size
     if periods > 1.0:
         assert abs(unmeasured.bias - bias) < 3.0 * math.sqrt(unmeasured.bias_variance) + 0.02 * amplitude / period
-        of_angles = (amplitude**2 + 2.0 * (bias * period / math.tau) ** 2) / min(times[-1], 19.0 * period) ** 2
+        of_angles = (
+            (amplitude**2 + 2.0 * (bias * period / math.tau) ** 2) / min(times[-1], 19.0 * period) ** 2 * SLOWER**2
+        )
         assert unmeasured.bias_variance == pytest.approx(1.0 / (1.0 / GYRO_BIAS_STD**2 + 1.0 / of_angles), rel=0.5)
 
 
@@ -96,9 +106,43 @@ def test_on_a_known_hull_a_biased_gyroscope_alone_is_as_good_as_a_complete_senso
 
 def test_without_a_hull_forecasts_are_about_a_level_that_nothing_tells(sea, of_complete_sensor):
     errors, deviations = forecasts_of(sea, {}, math.radians(0.3))
-    assert np.all(errors.std(axis=0) < 1.15 * of_complete_sensor + [0.1, 0.0, 0.0])
+    assert np.all(errors.std(axis=0) < 1.15 * of_complete_sensor + [0.15, 0.0, 0.0])
     level = LEVEL_STD / sea.angle[:, 0].std()
     assert np.all((deviations > level) & (deviations < 1.5 * level))
+
+
+@pytest.mark.parametrize('mounted_deg', [(0.0, 0.0), (5.0, -8.0)])
+def test_gravity_tells_the_level_of_a_craft_that_moves(mounted_deg):
+    gravity, time, rng = Gravity(), 0.05 * np.arange(1200), np.random.default_rng(1)
+    tilt = Rotation.from_euler('yx', np.radians(mounted_deg)[::-1])
+    swing = Rotation.from_euler('x', 0.1 * np.sin(2.0 * time)[:, None])
+    up = (tilt * swing).inv().apply([0.0, 0.0, 9.81]) + rng.normal(scale=0.5, size=(time.size, 3))
+    found = []
+    for force in up.tolist():
+        gravity.take(force, 0.05, 3.2)
+        found.append(gravity.levels(3.2))
+    assert not found[100] and found[-1], 'one swing tells nothing'
+    for (level, variance), mounted in zip(found[-1], np.radians(mounted_deg), strict=True):
+        assert abs(level - mounted) < math.sqrt(variance)
+        assert FORCE_STD < math.sqrt(variance) < 1.2 * FORCE_STD
+
+
+@pytest.mark.parametrize('scale', [0.0, 1.0 / 9.81, 0.7])
+def test_what_is_not_as_large_as_gravity_tells_no_level(scale):
+    gravity = Gravity()
+    for _ in range(1000):
+        gravity.take((0.0, 0.0, 9.81 * scale), 0.1, 3.2)
+    assert gravity.levels(3.2) == []
+
+
+def test_a_level_that_gravity_tells_makes_the_intervals_narrower(sea):
+    trim = 0.06
+    force = 9.81 * np.stack([np.zeros(sea.time.size), np.sin(trim + sea.angle[:, 0]), np.cos(trim + sea.angle[:, 0])])
+    force += np.random.default_rng(4).normal(scale=0.3, size=force.shape)
+    errors, deviations = forecasts_of(sea, {}, **dict(zip(('accel_x', 'accel_y', 'accel_z'), force, strict=True)))
+    errors -= trim / sea.angle[:, 0].std()
+    assert np.all(np.mean(np.abs(errors) < 1.645 * deviations, axis=0) >= 0.85)
+    assert np.all(deviations[:, 0] < 0.6 * LEVEL_STD / sea.angle[:, 0].std())
 
 
 def sample_with(**values):

@@ -112,7 +112,7 @@ class AxisFilter:
             of_rate += self._agreement.take(elapsed, angle, rate, of_angle, of_rate)
             self.noise_to_hull = of_angle, of_rate
             if unmeasured.is_missing and elapsed > 0.0:
-                of_rate += unmeasured.rate_noise(elapsed)
+                of_rate += unmeasured.rate_noise(elapsed, comes_back=hull.model is not None)
                 if hull.model is None and unmeasured.is_unknown:
                     angle, of_angle = unmeasured.level, unmeasured.angle_noise(elapsed)
             observed = hull.observe(elapsed, angle, rate, of_angle, of_rate)

@@ -37,6 +37,7 @@ from swath_sysid.attitude.prediction.rows import (
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, SPARSE, WAVES, SeaFit, SeaRequest, newest_motion
 from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.time_scale import TimeScale, period_of
+from swath_sysid.attitude.prediction.unmeasured_angle import Gravity
 from swath_sysid.attitude.prediction.upstream import UpstreamRows
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.door import checked
@@ -52,6 +53,8 @@ _OF_AXIS = {
     axis: itemgetter(*(CraftSample._fields.index(axis + part) for part in ('', '_rate', '_variance', '_rate_variance')))
     for axis in AXES
 }
+
+_force_of = itemgetter(*(CraftSample._fields.index(f'accel_{axis}') for axis in 'xyz'))
 
 SEA_STATE_INTERVAL = 60.0  #: s.
 
@@ -144,6 +147,7 @@ class Forecaster:
         self._asked, self._over_horizon = (_places_of(wanted, self._leads) for wanted in (leads, horizon))
         self._clock = RowClock()
         self._scale = TimeScale()
+        self._gravity = Gravity()
         self._sampled = Sampled(0.0, 1)
         # the oldest forecast that is scored lies one longest lead behind the window
         capacity = math.ceil(s.window * ROWS_A_PERIOD * 1.25) + MOST_AHEAD
@@ -287,6 +291,11 @@ class Forecaster:
     def _follow_axes(self, sample: CraftSample, sampled: Sampled, linked: bool):
         elapsed, even = sampled.elapsed, sampled.intervals == 1
         reasons: tuple[str, ...] = ()
+        if any(axis.unmeasured.is_unknown for axis in self._axes.values()):
+            self._gravity.take(_force_of(sample), elapsed, self._scale.period)
+            levels = self._gravity.levels(self._scale.period)
+            for axis, level in zip(self._axes.values(), levels, strict=False):
+                axis.unmeasured.know_level(*level)
         for name, axis in self._axes.items():
             angle, rate, *reported = _OF_AXIS[name](sample)
             if axis.reach is not None:
