@@ -9,16 +9,14 @@ import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
-from swath_sysid.attitude.prediction.hull_state import NOW, USUAL_PERIOD
+from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE, MEMORY_OF_SIZE, NOW, USUAL_PERIOD
 from swath_sysid.attitude.prediction.hull_watch import HullWatch
 from swath_sysid.attitude.prediction.unmeasured_angle import UnmeasuredAngle
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import THREE_STD
 
 #: First guess, least and most noise of sensors that do not report theirs, rad and rad/s.
-ANGLE_NOISE, RATE_NOISE = (0.002, 1e-4, 0.02), (0.005, 1e-4, 0.05)
-
-LEAST_SIZE = ANGLE_NOISE[1]  #: rad and rad/s; a craft that moves less is at rest.
+ANGLE_NOISE, RATE_NOISE = (0.002, LEAST_SIZE, 0.02), (0.005, LEAST_SIZE, 0.05)
 
 LATELY = 5.0  #: Periods over which the motion of late is averaged, of which an error may be a share, and errors.
 _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over which the variance is averaged.
@@ -27,9 +25,6 @@ _FIRST, _MEMORY = 20, 1000  #: Samples that the first guess counts for, and over
 _THIRD_DIFFERENCE_GAIN, _FOURTH_DIFFERENCE_GAIN = math.comb(6, 3), math.comb(8, 4)
 _ALIKE = 1.25  #: Ratio of the variances that both differences show, up to which noise is white.
 _TOLD_WRONG = 1.5  #: Ratio of a sensor's noise variance to the one that it reports, from which its report is wrong.
-#: Periods; after which sizes are forgotten, of errors as of the motion: a shorter one follows wave groups, in
-#: which errors grow less than the motion. A silence as long is bridged, and a new sea shows in as many.
-MEMORY_OF_SIZE = 19.0
 
 #: A squared error over its expected value counts as this much at the most: what nobody could foresee, such as a glitch
 #: or a hand on the craft, says little of the errors to come.

@@ -7,9 +7,9 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
-from swath_sysid.attitude.prediction.axis_filter import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
+from swath_sysid.attitude.prediction.hull_state import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.hull_watch import HullChange, HullLook, hull_change
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.axis_filter import LEAST_SIZE
+from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.state_space import CONTRADICTED, STRAIN_TIME, cubic_weights
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS

@@ -5,14 +5,12 @@ from collections.abc import Sequence
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, tilt_angles
 from swath_sysid.attitude.motion.sensor_checks import GRAVITY_TOLERANCE
-from swath_sysid.attitude.prediction.hull_state import NOW, USUAL_PERIOD
+from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE, MEMORY_OF_SIZE, NOW, USUAL_PERIOD
 
 GYRO_BIAS_STD = 0.03  #: rad/s; of an inexpensive gyroscope.
 LEVEL_STD = 0.05  #: rad; of a craft's trim and a sensor's mounting.
 FORCE_STD = 0.02  #: rad; of the direction of a mean force, by the bias of inexpensive accelerometers.
-_MEMORY = 19.0  #: Periods that a rate is averaged over: its bias changes with the temperature.
 _SLOWER = 2.0  #: Times as slow as the motion is what a mean still shows of it: groups of waves, a mooring.
-_LEAST_SWING = 1e-4  #: rad, and m/s
 
 
 class RunningMean:
@@ -29,7 +27,7 @@ class RunningMean:
         """Add a value after the elapsed s, in a motion of a period, s."""
         # a silence counts for no more than its end tells
         told = min(elapsed, period / math.tau)
-        self.time = min(self.time + told, _MEMORY * period)
+        self.time = min(self.time + told, MEMORY_OF_SIZE * period)
         gain = told / self.time
         self.mean += gain * (value - self.mean)
         self.square += gain * (value * value - self.square)
@@ -40,7 +38,7 @@ class RunningMean:
 
     def swing(self, period: float) -> float:
         """Standard deviation of what this is the rate of, in a motion of a period, s."""
-        return max(math.sqrt(self.square) * period / math.tau, _LEAST_SWING)
+        return max(math.sqrt(self.square) * period / math.tau, LEAST_SIZE)
 
 
 class Gravity:
@@ -101,7 +99,7 @@ class UnmeasuredAngle:
         self._since += elapsed
         if angle == angle:
             self._since = self.level_variance = 0.0
-            self._angle_time = min(self._angle_time + elapsed, _MEMORY * self.period)
+            self._angle_time = min(self._angle_time + elapsed, MEMORY_OF_SIZE * self.period)
             self.level += (elapsed / self._angle_time if self._angle_time else 1.0) * (angle - self.level)
         if rate == rate and elapsed > 0.0:
             self._rate.take(rate, elapsed, self.period)
