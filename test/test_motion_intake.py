@@ -117,6 +117,21 @@ def test_an_orientation_that_was_never_filled_in_is_not_measured(is_blank):
     assert sample.roll == pytest.approx(0.1) and intake.BLANK_ORIENTATION not in reasons
 
 
+@pytest.mark.parametrize('covariance', [UNKNOWN, NOT_GIVEN])
+def test_it_stays_so_while_the_craft_swings_and_is_named_only_where_it_is_claimed(covariance):
+    sensor, found = Intake(STRAIGHT, StampSettings()), []
+    for number, stamp in enumerate(even(50, 20).tolist()):
+        swings = reading(stamp)._replace(
+            orientation=(0.0, 0.0, 0.0, 1.0),
+            orientation_covariance=covariance,
+            rates=(0.2 * np.cos(0.04 * number), 0.0, 0.0),
+        )
+        found.append(sensor.take(swings))
+    assert all(isnan(sample.roll) for sample, _ in found[50:])
+    named = [intake.BLANK_ORIENTATION in reasons for _, reasons in found[50:]]
+    assert all(named) if covariance is UNKNOWN else not any(named)
+
+
 def even(rate, duration, start=0.0):
     """Even stamps, ns."""
     return EPOCH_NS + np.round((start + np.arange(round(duration * rate)) / rate) * 1e9).astype(np.int64)

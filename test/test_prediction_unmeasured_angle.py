@@ -59,7 +59,11 @@ def test_an_angle_is_missing_after_a_radian_and_unknown_after_all_that_is_learnt
     assert unmeasured.is_missing and unmeasured.is_unknown
     unmeasured.take(0.1, 0.0, 0.0)
     assert not unmeasured.is_missing and not unmeasured.is_unknown
-    assert (unmeasured.level, unmeasured.level_variance) == (0.1, 0.0)
+    unmeasured.take(math.nan, 0.0, 0.0)
+    assert unmeasured.is_unknown, 'it never changed'
+    for angle in (0.11, 0.1):
+        unmeasured.take(angle, 0.0, 0.0)
+    assert unmeasured.level_variance == 0.0
     unmeasured.take(math.nan, 0.0, unmeasured.period / 6.0)
     assert unmeasured.is_missing and not unmeasured.is_unknown
     unmeasured.take(math.nan, 0.0, 10.0 * unmeasured.period)

@@ -213,7 +213,8 @@ class Intake:
             return ConvertedReading(None, reasons)
         if stamp_ns != reading.stamp_ns:
             reading = reading._replace(stamp_ns=stamp_ns)
-        if self._blank.add(reading.orientation, reading.rates, self._order.interval or 0.0):
+        is_given = reading.orientation_covariance[0] != NOT_MEASURED
+        if is_given and self._blank.add(reading.orientation, reading.rates, self._order.interval or 0.0):
             reading = reading._replace(orientation_covariance=(NOT_MEASURED, *reading.orientation_covariance[1:]))
             reasons += (BLANK_ORIENTATION,)
         converted = convert(reading, self._installation)

@@ -220,16 +220,18 @@ class BlankOrientation:
     """Notices quaternions that were never filled in: the identity in every message while the gyroscope turns."""
 
     def __init__(self) -> None:
-        self._turned = np.zeros(3)
+        self._turned, self._is_blank = np.zeros(3), False
 
     def add(self, orientation: Sequence[float], rates: Sequence[float], interval: float) -> bool:
         """Add the quaternion x, y, z, w of a message and its rates, rad/s, an interval, s, after the one before."""
         if tuple(orientation) != IDENTITY:
-            self._turned[:] = 0.0
-            return False
-        turn = interval * np.asarray(rates)
-        self._turned += np.where(np.isfinite(turn), turn, 0.0)
-        return bool(np.any(np.abs(self._turned) > MIN_TURN))
+            self._turned[:], self._is_blank = 0.0, False
+        elif not self._is_blank:
+            turn = interval * np.asarray(rates)
+            self._turned += np.where(np.isfinite(turn), turn, 0.0)
+            # the craft comes back
+            self._is_blank = bool(np.any(np.abs(self._turned) > MIN_TURN))
+        return self._is_blank
 
 
 def is_blank(time: np.ndarray, orientation: np.ndarray, rates: np.ndarray) -> bool:

@@ -76,6 +76,7 @@ class UnmeasuredAngle:
         self.bias, self.bias_variance = 0.0, GYRO_BIAS_STD**2  #: rad/s and its square.
         self.level, self.level_variance = 0.0, LEVEL_STD**2  #: rad and its square.
         self._window, self._since = window, math.inf
+        self._is_absent, self._newest = True, math.nan
         self._angle_time, self._rate = 0.0, RunningMean()
 
     def know_level(self, level: float, variance: float) -> None:
@@ -87,18 +88,22 @@ class UnmeasuredAngle:
     @property
     def is_missing(self) -> bool:
         """Whether the angle has not been measured for a radian of the motion."""
-        return self._since > self.period / math.tau
+        return self._is_absent and self._since > self.period / math.tau
 
     @property
     def is_unknown(self) -> bool:
         """Whether it has not been in all the past that forecasts are learnt from."""
-        return self._since > self._window * self.period
+        return self._is_absent and self._since > self._window * self.period
 
     def take(self, angle: float, rate: float, elapsed: float) -> None:
         """Add angle, rad, and rate, rad/s, NaN where not measured, after the elapsed s."""
         self._since += elapsed
+        self._is_absent = angle != angle
         if angle == angle:
-            self._since = self.level_variance = 0.0
+            # one that has never changed may not have been filled in
+            if self._newest == self._newest != angle:
+                self._since = self.level_variance = 0.0
+            self._newest = angle
             self._angle_time = min(self._angle_time + elapsed, MEMORY_OF_SIZE * self.period)
             self.level += (elapsed / self._angle_time if self._angle_time else 1.0) * (angle - self.level)
         if rate == rate and elapsed > 0.0:
