@@ -149,6 +149,43 @@ def test_a_level_that_gravity_tells_makes_the_intervals_narrower(sea):
     assert np.all(deviations[:, 0] < 0.6 * LEVEL_STD / sea.angle[:, 0].std())
 
 
+def followed(unmeasured, angles, rates, interval=0.05):
+    """The angles that are taken for measured ones."""
+    found = []
+    for angle, rate in zip(angles, rates, strict=True):
+        found.append(unmeasured.thawed(angle, rate, 4e-6, interval))
+        unmeasured.take(found[-1], rate, interval)
+    return np.array(found)
+
+
+def test_an_angle_that_stands_still_while_the_craft_turns_goes_on_with_the_rate_and_is_lost_then():
+    time = 0.05 * np.arange(1400)
+    true, rates = 0.1 * np.sin(2.0 * time), 0.2 * np.cos(2.0 * time)
+    angles = np.where((time >= 40.0) & (time < 60.0), true[800], true)
+    found = followed(UnmeasuredAngle(WINDOW), angles, rates)
+    np.testing.assert_array_equal(found[:801], true[:801])
+    np.testing.assert_array_equal(found[1200:], true[1200:])
+    frozen = found[800:1200]
+    lost = np.isnan(frozen)
+    assert np.abs(frozen - true[800:1200])[~lost].max() < math.radians(3.5) and lost[25:].all()
+
+
+@given(bias=st.floats(-0.03, 0.03), seed=st.integers(0, 99))
+def test_an_angle_at_rest_is_one_also_by_a_sensor_that_repeats_it(bias, seed):
+    rates = bias + np.random.default_rng(seed).normal(scale=2e-3, size=2000)
+    assert np.all(followed(UnmeasuredAngle(WINDOW), np.full(2000, 0.02), rates) == 0.02)
+
+
+@pytest.mark.parametrize('freezes', [False, True])
+def test_on_a_known_hull_angles_that_are_lost_or_freeze_are_forecast_by_the_rates(sea, of_complete_sensor, freezes):
+    time, noise = sea.time - sea.time[0], np.random.default_rng(2).normal(scale=5e-4, size=sea.time.size)
+    angle = sea.angle[:, 0] + noise
+    angle[time > 61.0] = angle[np.searchsorted(time, 61.0)] if freezes else math.nan
+    errors, deviations = (values[10:] for values in forecasts_of(sea, KNOWN, roll=angle))
+    assert np.all(np.sqrt(np.mean(errors**2, axis=0)) < of_complete_sensor + [0.1, 0.0, 0.0])
+    assert np.all(np.mean(np.abs(errors) < 1.645 * deviations, axis=0) >= 0.9)
+
+
 def sample_with(**values):
     return CraftSample(**{**dict.fromkeys(CraftSample._fields, math.nan), 'stamp_ns': 0, **values})
 

@@ -84,6 +84,14 @@ class AxisFilter:
         self.hull.set_period(min(period, natural))
         self.size.period = self._agreement.period = self.unmeasured.period = period
 
+    def thawed(self, angle: float, rate: float, elapsed: float) -> float:
+        """The next angle, rad, NaN where it has not moved although the craft has, as its rate, rad/s, tells."""
+        thawed = self.unmeasured.thawed(angle, rate, self.noise[1], elapsed)
+        if thawed != angle == angle:
+            # what it did not agree with was no angle
+            self._agreement = AgreementMeter(self._agreement.period)
+        return thawed
+
     def follow(
         self, angle: float, rate: float, reported: Sequence[float], elapsed: float, linked: bool, even: bool
     ) -> tuple[bool, bool]:
@@ -346,8 +354,8 @@ class AgreementMeter:
     from the rate's integral by more than white noise explains.
     """
 
-    def __init__(self) -> None:
-        self.period = USUAL_PERIOD  #: s; of the motion.
+    def __init__(self, period: float = USUAL_PERIOD) -> None:
+        self.period = period  #: s; of the motion.
         self._seconds = self._square = self._chance = 0.0
         self._past: deque[tuple[float, float]] = deque()
         self.restart()

@@ -229,6 +229,7 @@ class Forecaster:
         else:
             self._break_off()
             self._first = sample
+        sample = self._without_frozen_angles(sample, self._sampled.elapsed)
         reasons = (STEPPED,) if is_step else ()
         reasons += self._follow_axes(sample, self._sampled, linked)
         # the heading is not forecast: the last one measured is held
@@ -288,6 +289,16 @@ class Forecaster:
         self._clock.sensor.restart()
         if self._calm is not None:
             self._calm.quiescence.clear()
+
+    def _without_frozen_angles(self, sample: CraftSample, elapsed: float):
+        """What a sensor repeats while its gyroscope turns is no angle."""
+        angles = []
+        for name, axis in self._axes.items():
+            angle, rate, *_ = _OF_AXIS[name](sample)
+            angles.append(axis.thawed(angle, rate, elapsed))
+        roll, pitch = angles
+        # a copy costs more than a look
+        return sample if angles == [sample.roll, sample.pitch] else sample._replace(roll=roll, pitch=pitch)
 
     def _follow_axes(self, sample: CraftSample, sampled: Sampled, linked: bool):
         elapsed, even = sampled.elapsed, sampled.intervals == 1
@@ -445,8 +456,10 @@ class Forecaster:
         age = self._clock.since_row + 0.5 * (step - step / samples)
         rows = self._rows.last(self._window)[:, OF_MEANS]
         for place, (name, axis) in enumerate(self._axes.items()):
-            # what is left when noise is taken off that may be less is no moment of waves
-            if axis.hull.is_started and (axis.hull.is_known or all(axis.known_noise)):
+            # what is left when noise is taken off that may be less is no moment of waves, and a state that a fit ends
+            # in is none of an angle that is no longer measured
+            is_told = axis.hull.is_known or all(axis.known_noise)
+            if axis.hull.is_started and is_told and not axis.unmeasured.is_missing:
                 motion = newest_motion(rows[:, place :: len(AXES)].T, step, self._clock.period)
                 hull = axis.hull.learnt_hull()
                 of_angle, of_rate = (variance / samples for variance in axis.noise_to_hull)

@@ -4,8 +4,9 @@ import math
 from collections.abc import Sequence
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, tilt_angles
-from swath_sysid.attitude.motion.sensor_checks import GRAVITY_TOLERANCE
+from swath_sysid.attitude.motion.sensor_checks import GRAVITY_TOLERANCE, MIN_TURN
 from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE, MEMORY_OF_SIZE, NOW, USUAL_PERIOD
+from swath_sysid.common.conventions import THREE_STD
 
 GYRO_BIAS_STD = 0.03  #: rad/s; of an inexpensive gyroscope.
 LEVEL_STD = 0.05  #: rad; of a craft's trim and a sensor's mounting.
@@ -77,6 +78,8 @@ class UnmeasuredAngle:
         self.level, self.level_variance = 0.0, LEVEL_STD**2  #: rad and its square.
         self._window, self._since = window, math.inf
         self._is_absent, self._newest = True, math.nan
+        self._told = math.nan
+        self._still = self._turned = self._certain = 0.0  # s, rad, s
         self._angle_time, self._rate = 0.0, RunningMean()
 
     def know_level(self, level: float, variance: float) -> None:
@@ -111,6 +114,25 @@ class UnmeasuredAngle:
             of_motion = self._rate.variance(self.period)
             share = GYRO_BIAS_STD**2 / (GYRO_BIAS_STD**2 + of_motion)
             self.bias, self.bias_variance = share * self._rate.mean, share * of_motion
+
+    def thawed(self, angle: float, rate: float, rate_variance: float, elapsed: float) -> float:
+        """An angle, rad; NaN where it is that of the sample before, the elapsed s ago, although the craft has turned.
+
+        As far as the rate, rad/s, its bias and its white noise tell. Once that is certain, the angle is what the rate
+        has led to: what follows it has taken the other one for true.
+        """
+        if angle != self._told:
+            self._told = angle
+            self._still = self._turned = self._certain = 0.0
+            return angle
+        self._still += elapsed
+        if rate == rate:
+            self._turned += elapsed * (rate - self.bias)
+        doubt = self._still * (self.bias_variance * self._still + rate_variance * elapsed)
+        if not self._certain and not self._turned**2 > MIN_TURN**2 + THREE_STD**2 * doubt:
+            return angle
+        self._certain += elapsed
+        return angle + self._turned if self._certain < self.period / math.tau else math.nan
 
     def rate_noise(self, elapsed: float, comes_back: bool) -> float:
         """Variance, (rad/s)^2, of white noise that leads the angle as far as the bias may.
