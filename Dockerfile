@@ -5,7 +5,7 @@ ENV OMP_NUM_THREADS=1 PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 # read-only and for any user: kernels are compiled here, for any processor, and only /tmp and /out are written to
 ENV NUMBA_CACHE_DIR=/var/cache NUMBA_CPU_NAME=generic MPLCONFIGDIR=/tmp/matplotlib ROS_LOG_DIR=/tmp/ros
 COPY . /src
-RUN pip install '/src[ros,fast]' && python /src/.ci/compile_kernels.py && rm -r /src \
+RUN pip install '/src[ros,fast]' && swath-sysid compile --quiet && rm -r /src \
   && useradd sailor && install -d -m 1777 /out
 USER sailor
 WORKDIR /out

@@ -41,7 +41,7 @@ lint: $(TESTS_READY)
 
 # Once, beside mypy: otherwise each of the processes that test would compile them for itself.
 kernels: $(READY)
-	@$(BIN)/python .ci/compile_kernels.py
+	@$(BIN)/swath-sysid compile --quiet
 
 # An exit code of 2 says that a library which only this benchmark needs is not installed.
 bench: $(READY)

@@ -77,7 +77,8 @@ def walks():
             sample, walk = message(number), Walk()
             if number >= LEARNT * RATE:
                 sys.setprofile(walk)
-            node._on_imu(sample)
+            node.inbox.put(sample)
+            node.work(60.0)
             sys.setprofile(None)
             if walk.until_published is not None:
                 kinds.setdefault(walk.has_leads, []).append(walk)

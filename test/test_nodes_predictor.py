@@ -18,20 +18,23 @@ from std_msgs.msg import Float32, Float64, String  # noqa: E402
 
 from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel, ScheduledModel  # noqa: E402
+from swath_sysid.attitude.motion.stamps import LOST  # noqa: E402
 from swath_sysid.attitude.prediction.sea_state import SeaReport  # noqa: E402
 from swath_sysid.formats.model_file import scheduled_to_yaml  # noqa: E402
 from swath_sysid.formats.topics import QUIESCENCE_TOPIC, SEA_TOPIC  # noqa: E402
-from swath_sysid.nodes.executor_loop import events_executor  # noqa: E402
+from swath_sysid.nodes.executor_loop import events_executor, turn  # noqa: E402
 from swath_sysid.nodes.predictor import PASSED_OVER_NS, Predictor  # noqa: E402
 from swath_sysid.nodes.worker import WorkerError  # noqa: E402
 from swath_sysid.pipeline.health import (  # noqa: E402
     BAD_LOADING,
+    BEHIND,
     HARMLESS,
     LATE_FIT,
     LOADING_ADVICE,
     NOT_FITTED,
     PASSED_OVER,
 )
+from swath_sysid.pipeline.pacing import Pace  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -43,6 +46,12 @@ def predictor():
     yield node
     node.destroy_node()
     rclpy.try_shutdown()
+
+
+def take(node, message):
+    """Have a node handle a message at once."""
+    node.inbox.put(message)
+    node.work(60.0)
 
 
 def set_parameters(node, **values):
@@ -79,7 +88,7 @@ def sailing(predictor):
         for k in range(sent, sent + count):
             roll = 0.05 * math.sin(0.2 * k) + 0.03 * math.sin(0.13 * k)
             rate = 10.0 * (0.05 * 0.2 * math.cos(0.2 * k) + 0.03 * 0.13 * math.cos(0.13 * k))
-            predictor._on_imu(imu_message(reading(EPOCH_NS + k * 100_000_000, roll=roll, roll_rate=rate)))
+            take(predictor, imu_message(reading(EPOCH_NS + k * 100_000_000, roll=roll, roll_rate=rate)))
             sent += 1
             if predictor.sea.worker.work:
                 return
@@ -127,7 +136,7 @@ def test_a_sea_state_that_comes_with_a_sample_that_is_passed_over_is_told(predic
     monkeypatch.setattr(
         predictor.pipeline, 'finish', lambda *given: finish(*given)._replace(sea=SeaReport(None, 'a flat sea'))
     )
-    predictor._add(reading(EPOCH_NS, roll=0.01), is_passed_over=True)
+    predictor._add(reading(EPOCH_NS, roll=0.01), 0.0, is_passed_over=True)
     assert sent == [SEA_TOPIC]
 
 
@@ -143,7 +152,7 @@ def test_only_what_somebody_may_hear_is_worked_into_messages(predictor, monkeypa
     def sail(first):
         sent.clear()
         for k in range(first, first + 20):
-            predictor._on_imu(imu_message(reading(EPOCH_NS + k * 100_000_000, roll=0.05 * math.sin(0.2 * k))))
+            take(predictor, imu_message(reading(EPOCH_NS + k * 100_000_000, roll=0.05 * math.sin(0.2 * k))))
 
     monkeypatch.setattr(predictor, '_publish', watched)
     sail(0)
@@ -156,8 +165,15 @@ def test_only_what_somebody_may_hear_is_worked_into_messages(predictor, monkeypa
     assert sent == {heard, *always}
 
 
-@pytest.mark.parametrize('make_executor', [events_executor, rclpy.executors.SingleThreadedExecutor])
-def test_after_a_stall_it_forecasts_from_the_newest_and_counts_what_it_passed_over(predictor, make_executor):
+@pytest.mark.parametrize(
+    ('make_executor', 'cost', 'stride'),
+    [(events_executor, 0.0, 1), (events_executor, 0.01, 10), (rclpy.executors.SingleThreadedExecutor, 0.0, 1)],
+)
+def test_after_a_stall_it_forecasts_from_the_newest_and_leaves_out_what_it_has_no_time_for(
+    predictor, make_executor, cost, stride, monkeypatch
+):
+    """With 10 ms a sample, 400 of them would take four seconds; a pass may take a tenth."""
+    monkeypatch.setattr(Pace, 'note', lambda pace, seconds: setattr(pace, '_cost', cost))
     bench, executor, interval_ns, count = Bench(), make_executor(), 10_000_000, 400
     executor.add_node(predictor)
     # within one process samples arrive as they are published
@@ -165,7 +181,7 @@ def test_after_a_stall_it_forecasts_from_the_newest_and_counts_what_it_passed_ov
     leads = bench.heard['forecast/lead_0_5s']
 
     def spin_until(condition, what):
-        wait_for(lambda: executor.spin_once(timeout_sec=0.02) or condition(), what)
+        wait_for(lambda: turn(executor, [predictor], 0.02) or condition(), what)
 
     def send(first, last):
         for k in range(first, last):
@@ -179,7 +195,7 @@ def test_after_a_stall_it_forecasts_from_the_newest_and_counts_what_it_passed_ov
             if time.monotonic() >= next_try:
                 send(0, 1)
                 next_try = time.monotonic() + 2.0
-            executor.spin_once(timeout_sec=0.02)
+            turn(executor, [predictor], 0.02)
         for k in range(1, 50):
             send(k, k + 1)
             spin_until(lambda k=k: predictor.health.received > k, 'sample')
@@ -195,8 +211,10 @@ def test_after_a_stall_it_forecasts_from_the_newest_and_counts_what_it_passed_ov
         fresh = PASSED_OVER_NS // interval_ns + 1
         assert len(bench.heard['forecast/next']) <= fresh and len(leads) <= 2
         assert all(stamp_ns(lead) - 500_000_000 >= newest - PASSED_OVER_NS for lead in leads)
-        assert predictor.pipeline.used == 50 + count
-        assert predictor.health.reports(0.0, newest)[0].values[PASSED_OVER] == count - fresh
+        assert predictor.pipeline.used == 50 + count // stride
+        values = predictor.health.reports(0.0, newest)[0].values
+        assert values[BEHIND] == count - count // stride and values[LOST] == 0
+        assert values[PASSED_OVER] == (count - fresh if stride == 1 else 0)
     finally:
         executor.shutdown()
         bench.close()
@@ -254,7 +272,7 @@ def test_quiescence_is_told_for_the_limits_of_now(predictor, monkeypatch):
         for stamp in itertools.islice(stamps, count):
             phase = 0.5 * math.pi * (stamp - EPOCH_NS) * 1e-9
             roll, rate = math.radians(0.2) * math.sin(phase), math.radians(0.2) * 0.5 * math.pi * math.cos(phase)
-            predictor._on_imu(imu_message(reading(stamp, roll, roll_rate=rate)))
+            take(predictor, imu_message(reading(stamp, roll, roll_rate=rate)))
         return told[-1] if told else None
 
     monkeypatch.setattr(predictor, '_publish', watched)

@@ -16,6 +16,7 @@ from package_process import PATIENCE, environment, is_alive, wait_for
 
 from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import NICENESS
 from swath_sysid.nodes.worker import Worker, WorkerError
 
 
@@ -106,7 +107,7 @@ def test_functions_run_one_after_the_other_in_one_other_process(worker):
     endings = [submit(worker, process_id, reports=True) for _ in range(3)] + [submit(worker, abs, -42)]
     assert {ending.wait().result for ending in endings[:3]} == {worker.pid} and worker.pid != os.getpid()
     least_urgent, own = 19, os.getpriority(os.PRIO_PROCESS, 0)
-    assert os.getpriority(os.PRIO_PROCESS, worker.pid) == min(own + 10, least_urgent)
+    assert os.getpriority(os.PRIO_PROCESS, worker.pid) == min(own + NICENESS, least_urgent)
     assert endings[0].shares == [0.5, 1.0] and endings[3].wait().result == 42
     # errors come back as errors
     refused, failed = submit(worker, refusing, 'no such decay'), submit(worker, operator.truediv, 1, 0)

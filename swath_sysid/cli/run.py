@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.cli.ros import ros_needed
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import end_with_parent, ended, verb_command
@@ -19,7 +18,6 @@ from swath_sysid.common.wings import handed_in, named, wings
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.schema import plain_content, text_of
 from swath_sysid.formats.topics import IMU_TOPIC, LEADS, TYPES, type_of
-from swath_sysid.nodes.parameters.settings import craft_settings
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module
 from swath_sysid.share import share_folder
 
@@ -81,6 +79,9 @@ def processes_beside(arguments: Namespace) -> list[list[str]]:
     """The commands of the simulated craft and of the page: processes of their own, which cost the nodes no sample."""
     commands = []
     if arguments.simulate:
+        from swath_sysid.attitude.hull.catalogue import hull_named  # the nodes alone need no hull
+        from swath_sysid.nodes.parameters.settings import craft_settings
+
         if arguments.use_sim_time:
             raise InputError('the simulated craft keeps the time of this machine: leave out --use-sim-time')
         hull_named(arguments.simulate)
@@ -107,6 +108,8 @@ def page_command(arguments: Namespace) -> list[str]:
     from swath_sysid.page.server import check_installed
 
     check_installed()
+    from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
+
     axis = PUBLISHED_HULLS[arguments.simulate].axis if arguments.simulate else None
     named = {'namespace': arguments.namespace, 'imu-topic': arguments.imu_topic, 'port': arguments.port, 'axis': axis}
     given = {f'--{option}': str(value) for option, value in named.items() if value is not None}

@@ -1,12 +1,19 @@
-"""The optional accelerator: numba where it is installed and can be loaded, plain Python where not."""
+"""The optional accelerator: numba where it is installed and can be loaded, plain Python where not.
+
+A process that computes compiles a kernel at its first call. A process that has to answer at once runs the same source
+uncompiled until `load_kernels` has found the kernels in the cache, and never compiles.
+"""
 
 import os
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Sequence
 from functools import cache, cached_property, update_wrapper
 from importlib.util import find_spec
 from typing import Any, TypeVar, cast
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.cancelling import Cancelled
+from swath_sysid.common.errors import InputError
 
 Function = TypeVar('Function', bound=Callable)
 
@@ -63,6 +70,82 @@ def _pass_on_interrupt(error: BaseException) -> None:
 
 
 _cache_failures: list[str] = []
+_names: set[str] = set()  #: Of all accelerated functions of the loaded modules.
+_at_hand: set[str] = set()  #: Of those that were found in the cache, or compiled.
+
+
+class _NotCachedError(Exception):
+    """The cache lacks a kernel that this process must not compile."""
+
+
+class _AtOnce:
+    """Whether this process has to answer at once, and how far its kernels are loaded."""
+
+    is_wanted = False
+    has_loaded = False
+    loader: int | None = None  #: The thread that loads them.
+
+    @classmethod
+    def is_loading_here(cls) -> bool:
+        """Whether this thread loads kernels."""
+        return threading.get_ident() == cls.loader
+
+
+def answer_at_once(is_wanted: bool = True) -> None:
+    """Have this process run kernels uncompiled until `load_kernels` has succeeded, and compile none; or no longer."""
+    _AtOnce.is_wanted, _AtOnce.has_loaded = is_wanted, False
+
+
+def load_kernels(use: Callable[[], None]) -> bool:
+    """Load the kernels that a function calls and use them from now on, unless the cache lacks one; whether they are."""
+    _AtOnce.loader = threading.get_ident()
+    try:
+        use()
+    except _NotCachedError:
+        return False
+    finally:
+        _AtOnce.loader = None
+    _AtOnce.has_loaded = True
+    return True
+
+
+def compile_kernels(
+    uses: Sequence[Callable[[], None]],
+    progress: Callable[[float], None] = lambda share: None,
+    should_cancel: Callable[[], bool] = lambda: False,
+) -> None:
+    """Compile the kernels that some functions call into the cache, unless they are there.
+
+    Raises:
+        InputError: numba cannot be used or the cache cannot be written, and what to do: nothing has been compiled.
+    """
+    if not has_numba():
+        why = why_slower()
+        raise InputError(why.message if why else 'numba is not installed: pip install "swath_sysid[fast]"')
+    from swath_sysid.common.kernel_cache import check_writable
+
+    check_writable()
+    _reports.append(lambda: progress(len(_at_hand) / len(_names)))
+    for use in uses:
+        if should_cancel():
+            raise Cancelled
+        use()
+    progress(1.0)
+
+
+_reports: list[Callable[[], None]] = []  #: Called whenever another kernel is at hand.
+
+
+def _note_at_hand(name: str) -> None:
+    _at_hand.add(name)
+    for report in _reports:
+        report()
+
+
+def _note_lacking(name: str) -> None:
+    """A kernel is to be compiled: an error where this process compiles none."""
+    if _AtOnce.is_wanted:
+        raise _NotCachedError(name)
 
 
 def _cached(dispatcher: Any) -> Any:
@@ -70,7 +153,7 @@ def _cached(dispatcher: Any) -> Any:
     try:
         from swath_sysid.common.kernel_cache import KernelCache
 
-        dispatcher._cache = KernelCache(dispatcher.py_func, _cache_failures.append)
+        dispatcher._cache = KernelCache(dispatcher.py_func, _cache_failures.append, _note_at_hand, _note_lacking)
     except (ImportError, AttributeError, RuntimeError, OSError) as error:
         # a numba whose cache is another, or no home folder
         _cache_failures.append(str(error))
@@ -83,6 +166,7 @@ class _Compiled:
     def __init__(self, function: Callable, otherwise: Callable) -> None:
         self._function, self._otherwise = function, otherwise
         update_wrapper(self, function)
+        _names.add(function.__qualname__)
 
     @cached_property
     def _dispatcher(self) -> Any:
@@ -95,8 +179,16 @@ class _Compiled:
         return self._dispatcher._numba_type_
 
     def __call__(self, *arguments: Any) -> Any:
+        if _AtOnce.is_wanted and not (_AtOnce.has_loaded or _AtOnce.is_loading_here()):
+            return self._otherwise(*arguments)
         try:
             return self._dispatcher(*arguments)
+        except _NotCachedError:
+            if _AtOnce.is_loading_here():
+                raise
+            # from now on, for arguments of types that nobody has compiled it for
+            self._dispatcher = self._otherwise
+            return self._otherwise(*arguments)
         except SystemError as error:
             _pass_on_interrupt(error)
             raise

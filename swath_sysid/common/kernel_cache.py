@@ -9,6 +9,7 @@ import pickle
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -16,6 +17,7 @@ from numba.core import caching, config
 from numba.core.serialize import dumps
 
 from swath_sysid import __version__
+from swath_sysid.common.errors import InputError
 
 
 def cache_folder() -> Path:
@@ -23,6 +25,19 @@ def cache_folder() -> Path:
     given, of_user = getattr(config, 'CACHE_DIR', ''), os.environ.get('XDG_CACHE_HOME', '')
     root = Path(given) if given else Path(of_user) if os.path.isabs(of_user) else Path.home() / '.cache'
     return root / 'swath_sysid' / __version__
+
+
+def check_writable() -> None:
+    """Raise `InputError` where nothing can be stored in the cache."""
+    try:
+        cache_folder().mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=cache_folder()):
+            pass
+    except OSError as error:
+        raise InputError(
+            f'{cache_folder()}: {error.strerror}, so compiled functions cannot be kept there: make it writable, or set '
+            f'NUMBA_CACHE_DIR to a folder that is'
+        ) from error
 
 
 def content_of(code: CodeType, values: dict[str, Any]) -> tuple:
@@ -84,16 +99,30 @@ class _Sealed(caching.CompileResultCacheImpl):
 
 
 class KernelCache(caching.FunctionCache):
-    """The cache of one kernel, which never raises: ``report`` gets the reason why it was of no use."""
+    """The cache of one kernel, which never fails: ``report`` gets the reason why it was of no use. ``found`` gets the
+    kernel's name when it is at hand, ``missed`` before it is compiled, and may raise an error to prevent that.
+    """
 
     _impl_class = _Sealed
 
-    def __init__(self, function: Callable, report: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        function: Callable,
+        report: Callable[[str], None],
+        found: Callable[[str], None] = lambda name: None,
+        missed: Callable[[str], None] = lambda name: None,
+    ) -> None:
         super().__init__(function)
-        self._report = report
+        self._report, self._found, self._missed = report, found, missed
+        self._kernel = function.__qualname__
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled code, or None."""
+        code = self._loaded(sig, target_context)
+        (self._missed if code is None else self._found)(self._kernel)
+        return code
+
+    def _loaded(self, sig: Any, target_context: Any) -> Any:
         try:
             found = super().load_overload(sig, target_context)
             if found is not None and found.signature.args != tuple(sig):
@@ -109,6 +138,7 @@ class KernelCache(caching.FunctionCache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store the compiled code."""
+        self._found(self._kernel)
         try:
             super().save_overload(sig, data)
         except OSError as error:

@@ -152,7 +152,7 @@ def _end_with(parent: multiprocessing.process.BaseProcess) -> None:
     os._exit(1)
 
 
-NICENESS = 10  #: The child yields to the processes that forecast.
+NICENESS = 5  #: A child yields to the processes that forecast, and still gets its turn on a busy core.
 CANCEL_PATIENCE = 0.3  #: s; a child that has not given up by then is killed and restarted.
 POLL_PERIOD = 0.02
 
@@ -167,14 +167,13 @@ class WorkerError(RuntimeError):
 
 class WorkerProcess:
     """The process, as its parent uses it, from one thread at a time; all functions must be importable in it. The clock
-    gives monotonic seconds. A process that is resting starts with the first work.
+    gives monotonic seconds. After a rest the process starts with the next work.
     """
 
-    def __init__(self, warm_up: Callable[[], None], clock: Callable[[], float], is_resting: bool = False) -> None:
-        self._warm_up, self._clock = warm_up, clock
-        self._ready, self._is_resting = False, is_resting
-        if not is_resting:
-            self._start()
+    def __init__(self, warm_up: Callable[[], Any], clock: Callable[[], float], niceness: int = NICENESS) -> None:
+        self._warm_up, self._clock, self._niceness = warm_up, clock, niceness
+        self._ready = self._is_resting = False
+        self._start()
 
     @property
     def pid(self) -> int:
@@ -264,7 +263,7 @@ class WorkerProcess:
         environment['PYTHONPATH'] = os.pathsep.join(filter(None, [root, environment.get('PYTHONPATH')]))
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, '-m', __name__, str(theirs.fileno())],
+                [sys.executable, '-m', __name__, str(theirs.fileno()), str(self._niceness)],
                 pass_fds=[theirs.fileno()],
                 env=environment,
                 stdin=subprocess.DEVNULL,
@@ -344,6 +343,6 @@ def _carried_out(connection: Connection, function: Callable, arguments: tuple, r
 
 if __name__ == '__main__':
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(NICENESS)
+    os.nice(int(sys.argv[2]))
     with Connection(int(sys.argv[1])) as to_parent:
         serve(to_parent)

@@ -1,13 +1,12 @@
 """Sampled signals: their noise, resolution, spikes, maxima, means and tapers, and how much correlated residuals say."""
 
 from collections.abc import Sequence
+from statistics import NormalDist
 
 import numpy as np
-from scipy import fft
-from scipy.ndimage import median_filter
-from scipy.special import ndtri
+import scipy  # its rooms are loaded when they are used: the buffer subscribes first
 
-NORMAL_MEDIAN = float(ndtri(0.75))  #: Median absolute value of a standard normal variable.
+NORMAL_MEDIAN = NormalDist().inv_cdf(0.75)  #: Median absolute value of a standard normal variable.
 SPIKE_NEIGHBOURS = 5  #: Samples, the one in question among them, whose median a spike differs from.
 SPIKE_THRESHOLD = 10.0  #: Standard deviations of the noise by which it does.
 TAPERS = 5  #: Over which a spectrum is averaged.
@@ -46,7 +45,7 @@ def spikes(values: np.ndarray) -> np.ndarray:
     """
     if values.size < SPIKE_NEIGHBOURS:
         return np.zeros(values.size, dtype=bool)
-    middle = median_filter(values, SPIKE_NEIGHBOURS)
+    middle = scipy.ndimage.median_filter(values, SPIKE_NEIGHBOURS)
     difference = np.abs(values - middle)
     suspects = np.flatnonzero(difference > max(SPIKE_THRESHOLD * noise_level(values), 1e-12 * np.ptp(values)))
     padded = np.pad(values, 2, mode='reflect')
@@ -61,7 +60,7 @@ def spikes(values: np.ndarray) -> np.ndarray:
 def without_spikes(values: np.ndarray) -> np.ndarray:
     """The values, shape (N,), with each spike replaced by the median of its neighbourhood."""
     bad = spikes(values)
-    return np.where(bad, median_filter(values, SPIKE_NEIGHBOURS), values) if bad.any() else values
+    return np.where(bad, scipy.ndimage.median_filter(values, SPIKE_NEIGHBOURS), values) if bad.any() else values
 
 
 def prominent_extremes(values: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
@@ -178,5 +177,6 @@ def correlated(sensitivity: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 def _convolved(values: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     """Along the first axis, over its whole length: as scipy.signal.fftconvolve, which takes 20 MB to load."""
     length = len(values) + len(kernel) - 1
+    fft = scipy.fft
     size = fft.next_fast_len(length, True)
     return fft.irfft(fft.rfft(values, size, axis=0) * fft.rfft(kernel, size, axis=0), size, axis=0)[:length]

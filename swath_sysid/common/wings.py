@@ -30,6 +30,7 @@ class Wing:
     model_parameters: Mapping[str, str] = field(default_factory=dict)  #: Node to its parameter that names a model file.
     read_model: str = ''  #: Takes the path of such a file; raises `InputError`.
     papers: Mapping[str, str] = field(default_factory=dict)  #: Study to what repeats it: its page, and its data.
+    warm_up: str = ''  #: Runs what takes long to load and to compile.
     plays_bag: str = ''  #: Takes the arguments of ``play-through``; see `manoeuvring.cli.play_bag`.
     tables_of_fit: str = ''  #: Takes the arguments of ``identify``; returns what makes tables of the result.
     trials_shown: str = ''  #: Takes a manifest; returns the rows and the sentences that the page shows.

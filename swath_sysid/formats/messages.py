@@ -11,7 +11,6 @@ from struct import Struct
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import constants
 
 from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, coefficients
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
@@ -198,7 +197,7 @@ def window_message(table: MotionTable, frame_id: str) -> bytes:
 
 
 #: s; a longer step within a window is no pause: imu_buffer holds at most as much (its parameter window_s).
-LONGEST_WINDOW = constants.hour
+LONGEST_WINDOW = 3600.0
 
 
 def _marks(table: MotionTable) -> np.ndarray:

@@ -22,5 +22,6 @@ WING = Wing(
     model_parameters={'manoeuvring_identifier': 'model_path', 'manoeuvring_predictor': 'model_file'},
     read_model='manoeuvring.formats.model_file read_manoeuvring_model',
     papers={'wam-v': 'manoeuvring.cli.paper repeat_study'},
+    warm_up='manoeuvring.identification.refit warm_up',
     plays_bag='manoeuvring.cli.play_bag play',
 )

@@ -3,10 +3,10 @@
 from rclpy.executors import SingleThreadedExecutor
 
 from swath_sysid.nodes.executor_loop import Plan, events_executor
-from swath_sysid.nodes.identifier import Identifier
-from swath_sysid.nodes.imu_buffer import ImuBuffer
-from swath_sysid.nodes.predictor import Predictor
 
-#: The predictor first: it gets each sample before the buffer does. The identifier, whose services wait, has a thread of
-#: its own.
-PLAN: Plan = [(events_executor, [Predictor, ImuBuffer]), (SingleThreadedExecutor, [Identifier])]
+#: The buffer first: it subscribes while the others are still being imported. The identifier, whose services wait, has a
+#: thread of its own.
+PLAN: Plan = [
+    (events_executor, ['nodes.imu_buffer ImuBuffer', 'nodes.predictor Predictor']),
+    (SingleThreadedExecutor, ['nodes.identifier Identifier']),
+]

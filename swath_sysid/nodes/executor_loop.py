@@ -1,4 +1,8 @@
-"""Starting, spinning and stopping nodes: Ctrl-C and SIGTERM, once or twice, end a process cleanly."""
+"""Starting, spinning and stopping nodes: Ctrl-C and SIGTERM, once or twice, end a process cleanly.
+
+A node with `is_behind` and `work` only queues messages in its callbacks, and works in slices between them: so timers,
+services, signals and the other nodes get their turn also while messages come faster than they are handled.
+"""
 
 import re
 import signal
@@ -6,22 +10,27 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from swath_sysid.common.errors import DONE, NOTHING_DONE, InputError
+from swath_sysid.common.wings import named
 
-#: Makers of executors, each with the makers of the nodes that it runs.
-Plan = Sequence[tuple[Callable[[], Executor], Sequence[Callable[[], Node]]]]
+#: Makers of executors, each with what makes the nodes that it runs: a class, or ``MODULE CLASS`` of this package, which
+#: is imported when its turn comes. Of nodes that work between callbacks, the first has precedence.
+Plan = Sequence[tuple[Callable[[], Executor], Sequence[Callable[[], Node] | str]]]
 
 OF_ROS = {'/clock', '/parameter_events', '/rosout'}  #: Topics of every node.
 
 LOOK_PERIOD = 0.1  #: s between looks for what calls nobody: signals, new topics, requests of the page.
 WOKEN_PERIOD = 5.0  #: s; for the other threads, which are woken to stop: waking costs 0.06 % of a core per Hz.
+WORK_SLICE = 0.05  #: s that a node works before callbacks get their turn; it ends the sample that it has begun.
 
 
 def events_executor(context: rclpy.Context | None = None) -> Executor:
@@ -69,11 +78,13 @@ def _run_until(stop: threading.Event, plan: Plan) -> int:
     try:
         for make_executor, makers in plan:
             executors.append(make_executor())
-            for make_node in makers:
-                nodes.append(make_node())
+            for maker in makers:
+                if stop.is_set():
+                    return DONE
+                nodes.append(named(maker)() if isinstance(maker, str) else maker())
                 executors[-1].add_node(nodes[-1])
         _log_ready(nodes)
-        _spin_all(executors, stop)
+        _spin_all(executors, [node for node in nodes if hasattr(node, 'work')], stop)
         return DONE
     finally:
         for executor in executors:
@@ -118,7 +129,7 @@ def _initialise(args: list[str] | None) -> None:
         raise InputError(f'ROS cannot be started with these arguments: {reason}') from error
 
 
-def _spin_all(executors: list[Executor], stop: threading.Event) -> None:
+def _spin_all(executors: list[Executor], working: list[Any], stop: threading.Event) -> None:
     failures: list[BaseException] = []
 
     def guarded(executor: Executor) -> None:
@@ -132,7 +143,7 @@ def _spin_all(executors: list[Executor], stop: threading.Event) -> None:
     for thread in threads:
         thread.start()
     try:
-        _spin(executors[0], stop, LOOK_PERIOD)
+        _spin(executors[0], stop, LOOK_PERIOD, working)
     finally:
         stop.set()
         for executor in executors[1:]:
@@ -143,8 +154,18 @@ def _spin_all(executors: list[Executor], stop: threading.Event) -> None:
         raise failures[0]
 
 
-def _spin(executor: Executor, stop: threading.Event, period: float) -> None:
+def _spin(executor: Executor, stop: threading.Event, period: float, working: Sequence[Any] = ()) -> None:
     # that someone shuts the context down is as good as a signal
     with suppress(ExternalShutdownException):
         while not stop.is_set() and rclpy.ok():
-            executor.spin_once(timeout_sec=period)
+            turn(executor, working, period)
+
+
+def turn(executor: Executor, working: Sequence[Any], period: float) -> None:
+    """Wait for a callback, s, unless a node is behind; then a slice of the work of each node that is."""
+    executor.spin_once(timeout_sec=0.0 if any(node.is_behind for node in working) else period)
+    if any(node.is_behind for node in working):
+        # the callbacks of all that has come by now; a new future each time, as it keeps its callbacks
+        executor.spin_until_future_complete(Future(), timeout_sec=0.0)
+        for node in working:
+            node.work(WORK_SLICE)

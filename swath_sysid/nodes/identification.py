@@ -38,7 +38,6 @@ class IdentificationNode(Node):
         self.parameters = NodeParameters(self, name, settings_of)
         self.health = IdentifierHealth()
         self._ended: Future | None = None
-        self._has_checked = False
         self._answers = AnswerQueue(self)
         self._progress = watched_publisher(self, Float32, '~/progress', 10, self.health)
 
@@ -65,8 +64,8 @@ class IdentificationNode(Node):
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
         idle_s = self.parameters['worker_idle_s']
         self.worker = Worker(warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED), idle_s)
-        if not idle_s:
-            self._check_speed()
+        # why its work takes longer than it could: numba is loaded there, not here
+        self.worker.submit(why_slower, (), lambda why, error: report_slower(self, self.health, why))
 
     def _reports(self) -> list[Report]:
         (values, report), busy = self._status(), self._ended is not None
@@ -99,7 +98,6 @@ class IdentificationNode(Node):
 
     async def refit(self, function: Callable, request: Any) -> Answer:
         """Have the worker refit, and publish and save a better model."""
-        self._check_speed()
         self.health.begin()
         outcome, error = await outcome_of(self.worker, self.executor, function, request, self._on_progress)
         if isinstance(error, WorkerError):
@@ -109,12 +107,6 @@ class IdentificationNode(Node):
         if not self.refitter.take(outcome):
             return False, outcome.message
         return True, f'{outcome.message}{self.file.keep(self._publish())}'
-
-    def _check_speed(self) -> None:
-        """Have the worker report, once, why its work takes longer than it could: numba is loaded there, not here."""
-        if not self._has_checked:
-            self._has_checked = True
-            self.worker.submit(why_slower, (), lambda why, error: report_slower(self, self.health, why))
 
     def _on_progress(self, share: float) -> None:
         self.health.progress = share

@@ -11,6 +11,7 @@ from swath_sysid.formats.messages import imu_reading, window_message
 from swath_sysid.nodes import qos
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import Plan, events_executor
+from swath_sysid.nodes.inbox import Inbox
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import window_settings
 from swath_sysid.pipeline.health import BufferHealth, Report
@@ -28,7 +29,7 @@ class ImuBuffer(Node):
         self.window.record(self.parameters['record_at_start'])
         self.health = BufferHealth(self.resolve_topic_name(qos.IMU_TOPIC), self.window)
         self._publisher = qos.watched_publisher(self, PointCloud2, 'motion/window', qos.LATCHED, self.health)
-        self._subscription = qos.imu_subscription(self, Imu, self._on_imu, self.parameters['queue_depth'], self.health)
+        self.inbox = Inbox(self, self.parameters['queue_depth'], self.health)
         self.create_service(Trigger, '~/publish_window', self._on_publish_window)
         self.create_service(Trigger, '~/clear', self._on_clear)
         self.create_service(SetBool, '~/record', self._on_record)
@@ -39,15 +40,21 @@ class ImuBuffer(Node):
         if settings.window != self.window.settings.window:
             self.window.resize(settings.window)
 
-    def _on_imu(self, message: Imu) -> None:
-        # all that wait at once: beside a busy predictor each return to the executor costs this thread milliseconds
-        for each in (message, *qos.waiting(self._subscription, self.parameters['queue_depth'])):
-            self._add(each)
+    @property
+    def is_behind(self) -> bool:
+        """Whether messages wait."""
+        return bool(self.inbox)
 
-    def _add(self, message: Imu) -> None:
-        begun, clock_ns = perf_counter(), self.get_clock().now().nanoseconds
+    def work(self, seconds: float) -> None:
+        """Handle the messages that wait, for so long."""
+        until = perf_counter() + seconds
+        while self.inbox and perf_counter() < until:
+            self._add(*self.inbox.popleft())
+
+    def _add(self, message: Imu, arrival: float, clock_ns: int) -> None:
+        begun = perf_counter()
         reading = imu_reading(message)
-        step = self.window.add(reading, qos.arrival_time(self))
+        step = self.window.add(reading, arrival)
         if step.finished is not None:
             self.health.decays += 1
             decay = step.finished.segment
@@ -84,7 +91,7 @@ class ImuBuffer(Node):
         return response
 
     def _reports(self) -> list[Report]:
-        qos.note_publishers(self, self._subscription, self.health)
+        qos.note_publishers(self, self.inbox.subscription, self.health)
         return self.health.reports(perf_counter(), self.get_clock().now().nanoseconds)
 
 

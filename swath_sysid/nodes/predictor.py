@@ -4,21 +4,21 @@ from collections.abc import Iterable
 from time import perf_counter
 
 from rclpy.node import Node
-from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64, String
 
 from swath_sysid.attitude.hull.identified_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.prediction.forecast import nothing
-from swath_sysid.common.accelerator import why_slower
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.messages import imu_reading
+from swath_sysid.formats.messages import imu_reading, stamp_ns
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC, NEXT_TOPIC
 from swath_sysid.nodes import qos
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, report_slower
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.forecast_publishers import forecast_publishers
+from swath_sysid.nodes.inbox import Inbox
+from swath_sysid.nodes.kernels import KernelLoading
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import pipeline_settings
@@ -27,6 +27,7 @@ from swath_sysid.nodes.upstream_topics import Upstream
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, warm_up
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
+from swath_sysid.pipeline.pacing import Pace
 
 PASSED_OVER_NS = 100_000_000  #: A sample that is older than the newest one by more only feeds the filters.
 
@@ -38,14 +39,13 @@ class Predictor(Node):
 
     def __init__(self) -> None:
         super().__init__('predictor')
-        self.get_logger().info('loading the filters, which takes seconds, or up to a minute after an installation')
-        warm_up()  # which loads numba now, not amid the first samples
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
-        self._depth, self._is_in_step = self.parameters['queue_depth'], self.parameters['in_step']
-        self.upstream = Upstream(self, self.parameters['upstream'], self._depth)
+        self._is_in_step, depth = self.parameters['in_step'], self.parameters['queue_depth']
+        self.upstream = Upstream(self, self.parameters['upstream'], depth)
         self.pipeline = ForecastPipeline(self.upstream.settings(self.parameters.settings))
         self.health = PredictorHealth(self.resolve_topic_name(qos.IMU_TOPIC), self.pipeline)
-        report_slower(self, self.health, why_slower())
+        self._kernels = KernelLoading(warm_up, self, self.health)
+        self._pace = Pace()
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self._is_in_step)
         self._messages, self._publisher_of, self._wanted = forecast_publishers(self, self.parameters, self.health)
         self._described: tuple[dict, dict] = {}, {}
@@ -59,34 +59,49 @@ class Predictor(Node):
         )
         qos.watched_subscription(self, Float64, 'craft/loading', self._on_loading, qos.NEWEST, self.health)
         self.upstream.listen(self.pipeline, self.health)
-        self._subscription = qos.imu_subscription(self, Imu, self._on_imu, self._depth, self.health)
+        self.inbox = Inbox(self, depth, self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
     def destroy_node(self) -> None:
-        """Also end the worker and the intake."""
+        """Also end the workers and the intake."""
+        self._kernels.close()
         self.sea.close()
         self._intake.close()
         super().destroy_node()
 
-    def _on_imu(self, message: Imu) -> None:
-        """Forecast from a sample or, where others wait behind it, from the newest only."""
+    @property
+    def is_behind(self) -> bool:
+        """Whether samples wait."""
+        return bool(self.inbox)
+
+    def work(self, seconds: float) -> None:
+        """Handle the samples that wait, for so long: forecast from each or, where others wait behind it, from the
+        newest only; if they come faster than they can be handled, some are left out.
+        """
         if self._intake.endings and self._use_new_models():
             self._diagnostics.publish()  # a user who has just seen the model must not read that there is none
-        clock_ns = self.get_clock().now().nanoseconds
-        if self.upstream.sources:
-            self.upstream.take_waiting()
-        messages = [message, *qos.waiting(self._subscription, self._depth)]
-        readings = [imu_reading(each) for each in messages]
-        for each, reading in zip(messages, readings, strict=True):
+        until = perf_counter() + seconds
+        while self.inbox and perf_counter() < until:
+            message, arrival, clock_ns = self.inbox[0]
+            reading = imu_reading(message)
+            if self.sea.is_fitting and not self.sea.hands_over(reading.stamp_ns, max(until - perf_counter(), 0.0)):
+                return
+            is_used = self._is_in_step or self._pace.is_used(len(self.inbox))
+            self.inbox.popleft()
+            if not is_used:
+                self.pipeline.leave_out()
+                self.health.note_left_out()
+                continue
             begun = perf_counter()
-            self._add(reading, reading.stamp_ns < readings[0 if self._is_in_step else -1].stamp_ns - PASSED_OVER_NS)
-            self.health.note_frame_id(each.header.frame_id)
+            newest = self.inbox[self._pace.left - 1].message if self._pace.left else message
+            age_ns = 0 if self._is_in_step else stamp_ns(newest.header.stamp) - reading.stamp_ns
+            self._add(reading, arrival, age_ns > PASSED_OVER_NS)
+            self.health.note_frame_id(message.header.frame_id)
             self.health.note_message(reading.stamp_ns, clock_ns, begun, perf_counter())
+            self._pace.note(perf_counter() - begun)
 
-    def _add(self, reading: ImuReading, is_passed_over: bool) -> None:
-        if self.sea.is_fitting:
-            self.sea.hand_over(reading.stamp_ns)
-        step = self.pipeline.begin(self.pipeline.intake.take(reading, qos.arrival_time(self)))
+    def _add(self, reading: ImuReading, arrival: float, is_passed_over: bool) -> None:
+        step = self.pipeline.begin(self.pipeline.intake.take(reading, arrival))
         if not is_passed_over:
             self._publish(self._messages.next_of(step))
         step = self.pipeline.finish(step, nothing if is_passed_over else self._wanted)
@@ -94,9 +109,11 @@ class Predictor(Node):
         if step.sea_request is not None:
             self.sea.submit(step.sea_request, reading.stamp_ns)
         if is_passed_over:
-            self.health.note(PASSED_OVER)
+            if self._pace.stride == 1:
+                self.health.note(PASSED_OVER)
             return
         self.health.published += step.next is not None
+        self.health.note_forecast(qos.arrival_time(self) - arrival, self._pace.stride)
         self._publish(self._messages.of(step))
 
     def _publish(self, messages: Iterable[tuple[str, bytes]]) -> None:
@@ -142,7 +159,7 @@ class Predictor(Node):
 
     def _reports(self) -> list[Report]:
         self._use_new_models()  # also while the sensor is silent
-        qos.note_publishers(self, self._subscription, self.health)
+        qos.note_publishers(self, self.inbox.subscription, self.health)
         self.health.note_predictors(self.count_publishers(self._publisher_of[NEXT_TOPIC].topic_name))
         return [*self.health.reports(perf_counter(), self.get_clock().now().nanoseconds), *self.upstream.reports()]
 

@@ -1,7 +1,7 @@
 """Publishers and subscriptions with their QoS, the count of incompatible ones, and message classes by name."""
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from math import nan
 from time import perf_counter
 from typing import Any
@@ -53,17 +53,12 @@ def note_publishers(node: Node, subscription: Subscription, health: StreamHealth
     health.note_publishers(types.count(IMU_TYPE), sorted({*types} - {IMU_TYPE}))
 
 
-def waiting(subscription: Subscription, most: int) -> list:
-    """The received messages of a subscription that wait to be handled, at most this many, oldest first."""
-    messages: list = []
+def waiting(subscription: Subscription) -> Iterator[Any]:
+    """The received messages of a subscription that wait for its callback, oldest first."""
     # as rclpy's own executors and wait_for_message take them
     with subscription.handle:
-        while len(messages) < most:
-            received = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-            if received is None:
-                break
-            messages.append(received[0])
-    return messages
+        while (received := subscription.handle.take_message(subscription.msg_type, subscription.raw)) is not None:
+            yield received[0]
 
 
 def arrival_time(node: Node) -> float:

@@ -1,6 +1,6 @@
 """The sea learnt in a process of its own, and handed back to the pipeline between two samples."""
 
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from swath_sysid.attitude.prediction.sea_fit import fit_sea, warm_up
@@ -21,7 +21,7 @@ class SeaFitting:
         self._waits = waits
         # a fit ends in the worker's thread: a queue hands it over to that of the samples
         self._ended: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
-        self.is_fitting = False  #: Whether `hand_over` is to be called before each sample.
+        self.is_fitting = False  #: Whether `hands_over` is to be called before each sample.
         self._due_ns = self._newest_ns = 0
         self.worker = Worker(warm_up, lambda: health.note(WAVE_WORKER_DIED))
 
@@ -38,10 +38,13 @@ class SeaFitting:
         self._due_ns = stamp_ns + round(self._pipeline.settings.forecaster.refit_delay * SECOND_NS)
         self.worker.submit(fit_sea, (request,), lambda *ending: self._ended.put(ending))
 
-    def hand_over(self, stamp_ns: int) -> None:
-        """Install the fits that have ended by the sample of this stamp."""
+    def hands_over(self, stamp_ns: int, patience: float) -> bool:
+        """Install the fits that have ended by the sample of this stamp; False if one is still awaited after s."""
         while self.is_fitting and (not self._ended.empty() or (self._waits and stamp_ns >= self._due_ns)):
-            fit, error = self._ended.get()
+            try:
+                fit, error = self._ended.get(timeout=patience)
+            except Empty:
+                return False
             self.is_fitting = False
             if error is not None:
                 self._health.note(NOT_FITTED, 'waves')
@@ -52,3 +55,4 @@ class SeaFitting:
             self._health.settle('waves')
             self._pipeline.install(fit)
         self._newest_ns = stamp_ns
+        return True

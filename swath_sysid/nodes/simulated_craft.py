@@ -11,6 +11,7 @@ from std_srvs.srv import Trigger
 
 from swath_sysid.attitude.hull.craft_simulator import SensorNoise, SimulatedCraft
 from swath_sysid.attitude.motion.attitude import body_rates, quaternion
+from swath_sysid.common.accelerator import answer_at_once
 from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.topics import IMU_TOPIC
 from swath_sysid.nodes.executor_loop import Plan, events_executor
@@ -26,6 +27,7 @@ class SimulatedCraftNode(Node):
 
     def __init__(self) -> None:
         super().__init__('simulated_craft')
+        answer_at_once()  # its step is short: loading numba would take longer than it saves
         parameters = NodeParameters(self, 'simulated_craft', craft_settings)
         settings = parameters.settings
         self._craft = SimulatedCraft(settings)

@@ -14,7 +14,7 @@ from rclpy.subscription import Subscription
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import stamp_of
 from swath_sysid.formats.upstream_channels import channels_of, field_value, kind_of
-from swath_sysid.nodes.qos import message_class, waiting, watched_subscription
+from swath_sysid.nodes.qos import message_class, watched_subscription
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.health import BAD_UPSTREAM, DISCOVERY, OK, WARN, Arrivals, Reasons, Report
 
@@ -72,13 +72,6 @@ class Upstream:
                 raise InputError(f'the upstream topic {source.topic} needs the package of {source.kind}: install it')
             take = partial(self._take, source)
             source.subscription = watched_subscription(self._node, kind, source.topic, take, qos, health)
-
-    def take_waiting(self) -> None:
-        """Take the messages that have arrived, before the samples of the IMU that have arrived with them."""
-        for source in self.sources.values():
-            if source.subscription is not None:
-                for message in waiting(source.subscription, self._depth):
-                    self._take(source, message)
 
     def reports(self) -> list[Report]:
         """How the topics arrive; nothing without channels."""

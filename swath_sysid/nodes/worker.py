@@ -31,7 +31,7 @@ class _Job:
 
 class Worker:
     """Runs one function after the other in a process of its own; ``on_death`` is called from the worker's thread.
-    After ``longest_idle`` s without work the process is ended until the next; 0: never.
+    After ``longest_idle`` s without work, also at the start, the process is ended until the next; 0: never.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class Worker:
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._unfinished: list[_Job] = []
         self._closing = threading.Event()
-        self._process = WorkerProcess(warm_up, time.monotonic, is_resting=longest_idle > 0.0)
+        self._process = WorkerProcess(warm_up, time.monotonic)
         self._thread = threading.Thread(target=self._serve, name='worker', daemon=True)
         self._thread.start()
 
@@ -79,10 +79,10 @@ class Worker:
             try:
                 job = self._jobs.get(timeout=IDLE_PERIOD)
             except queue.Empty:
-                if self._longest_idle and time.monotonic() - worked > self._longest_idle:
-                    self._process.rest()
-                elif self._process.died_idle():
+                if self._process.died_idle():
                     self._revive()
+                elif self._longest_idle and time.monotonic() - worked > self._longest_idle:
+                    self._process.rest()
                 continue
             if job is not None:
                 result, error = self._do(job)

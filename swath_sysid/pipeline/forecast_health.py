@@ -29,10 +29,17 @@ class PredictorHealth(health.StreamHealth):
         self._refusal = ''
         self.published = 0  #: Forecasts on forecast/next.
         self.slower_because = ''
+        self.compiled_share: float | None = None  #: Of the functions that are being compiled; None: none are.
+        self._forecast_age = 0.0
 
     def note_predictors(self, count: int) -> None:
         """Warn while several predictors publish the same forecasts."""
         self.note_while(count > 1, health.SEVERAL_PREDICTORS)
+
+    def note_forecast(self, age: float, stride: int) -> None:
+        """A forecast is published, s after its sample came; of so many samples one is used."""
+        self._forecast_age = age
+        self.details[health.BEHIND] = f'one sample in {stride} is used, newest forecast {age:.1f} s old'
 
     def note_model(self, now: float) -> None:
         """A model arrived, s of the clock of `note_message`."""
@@ -49,7 +56,8 @@ class PredictorHealth(health.StreamHealth):
         state = self._pipeline.diagnostics()
         interval = None if isnan(state.sample_interval) else state.sample_interval
         refused = [f'{self._refusal}; the previous model stays'] if self._refusal else []
-        message = '; '.join([*refused, *(advice.message for advice in state.advice)])
+        compiling = [] if self.compiled_share is None else [f'compiling, {self.compiled_share:.0%} done']
+        message = '; '.join([*compiling, *refused, *(advice.message for advice in state.advice)])
         codes = tuple({advice.code for advice in state.advice} - EXPECTED) + (health.BAD_MODEL,) * len(refused)
         level, message = health.WARN if codes else health.OK, message or 'forecasting with the identified model'
         values: dict[str, object] = {
@@ -60,6 +68,8 @@ class PredictorHealth(health.StreamHealth):
             'has_waves': state.has_waves,
             'published': self.published,
             **{f'valid_lead_{name}_s': lead for name, lead in state.valid_leads.items()},
+            'forecast_age_s': self._forecast_age,
+            'compiled_share': 1.0 if self.compiled_share is None else self.compiled_share,
             'slower_because': self.slower_because,
             **{f'nis_ratio_{axis}': ratio for axis, ratio in state.nis_ratio.items()},
         }

@@ -160,6 +160,10 @@ class ForecastPipeline:
         self.counts[LOST] = max(self.counts[LOST] + step.lost - reasons.count(OUT_OF_ORDER), 0)
         return step
 
+    def leave_out(self) -> None:
+        """A message has come that is not used, for want of time: it is not lost."""
+        self._since_used += 1
+
     def _begin_again(self) -> None:
         """Forget what was learnt from stamps that were no times of samples."""
         self.forecaster, self._first_ns = Forecaster(self.settings.forecaster), None

@@ -30,6 +30,7 @@ LOADING_ADVICE = 'loading-advice'
 BAD_WINDOW = 'bad-window'
 BAD_MODEL_FILE = 'bad-model-file'
 PASSED_OVER = 'passed-over'
+BEHIND = 'behind'
 LATE_FIT = 'late-fit'
 NOT_FITTED = 'waves-not-fitted'
 IDENTIFICATION_WORKER_DIED = 'identification-worker-died'
@@ -45,10 +46,10 @@ NO_CLOCK = 'no-clock'
 HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
 
 #: Warned of from the second report in a row: a machine stalls once while programs start.
-RECURRING = {PASSED_OVER, LOST}
+RECURRING = {PASSED_OVER, LOST, BEHIND}
 
 #: Of a message or of values in it; the share is reported.
-LOSSES = {*STAMP_REASONS[:3], *INTAKE_REASONS}
+LOSSES = {*STAMP_REASONS[:3], *INTAKE_REASONS, BEHIND}
 
 LASTING = {NO_RATES}  #: Warned of when they begin; then reported while they last, without a warning.
 
@@ -126,6 +127,7 @@ class Reasons:
         self._lasting: list[str] = []
         self._grown: set[str] = set()  #: Reasons that grew before the last call of `fresh`.
         self.mismatched: set[str] = set()  #: Topics with an incompatible publisher or subscription.
+        self.details: dict[str, str] = {}  #: What is reported of a reason that grows, in place of how often it did.
 
     def note(self, reason: str, about: str | None = None, sentence: str = '') -> None:
         """Count one more of a reason; one ``about`` something holds until that is settled."""
@@ -170,6 +172,7 @@ class Reasons:
         for each in LOSSES & fresh.keys():
             if LOST_SHARE * received < fresh[each] <= received:
                 often[each] += f', {fresh[each] / received:.0%} of the messages'
+        often |= {each: detail for each, detail in self.details.items() if each in fresh}
         return [
             Condition(WARN, each, f'{each}{where.get(each, "")} ({often[each]}): {self._cures[each]}')
             for each in reasons
@@ -232,7 +235,7 @@ class StreamHealth(Reasons):
     """How the messages of one topic arrive, counting further reasons beside those of every stream."""
 
     def __init__(self, topic: str, reasons: Iterable[str] = ()):
-        super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, OTHER_TYPE, SILENT, FRAME_CHANGED, *reasons))
+        super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, OTHER_TYPE, SILENT, FRAME_CHANGED, BEHIND, *reasons))
         self.topic = topic
         self._ages: deque[float] = deque(maxlen=REMEMBERED_AGES)
         self.received = 0
@@ -254,6 +257,12 @@ class StreamHealth(Reasons):
         self._arrival = begun
         self._spent += ended - begun
         self._longest = max(self._longest, ended - begun)
+
+    def note_left_out(self) -> None:
+        """Count a message that is not used because messages come faster than they are handled."""
+        self.received += 1
+        self._since_report += 1
+        self.note(BEHIND)
 
     def note_frame_id(self, frame_id: str) -> None:
         """Count a change of frame."""

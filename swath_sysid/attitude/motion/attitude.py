@@ -13,13 +13,12 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from scipy import constants
 
 from swath_sysid.common.conventions import ROUNDING
 from swath_sysid.common.errors import InputError, check_choice
 
 UNIT_TOLERANCE = 0.1  #: How far the squared norm of a measured quaternion may be from one.
-STANDARD_GRAVITY = constants.g  #: m/s^2.
+STANDARD_GRAVITY = 9.80665  #: m/s^2.
 FRAMES = ('flu', 'frd')  #: Sensor axes forward-left-up in an ENU world, or forward-right-down in a NED world.
 
 Value = Any  #: A float, or an ndarray that broadcasts with the others.

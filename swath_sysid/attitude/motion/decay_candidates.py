@@ -13,7 +13,7 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
+import scipy  # its rooms are loaded when they are used: the buffer subscribes first
 
 from swath_sysid.attitude.motion import turning_points
 from swath_sysid.attitude.motion.turning_points import EvenSignal
@@ -239,7 +239,8 @@ class DecayCandidate:
         """
         size = max(3, round(periods * self.period / self.signal.interval))
         values = self.signal.value
-        return (maximum_filter1d(values, size) - minimum_filter1d(values, size)) / self.double_amplitudes[0]
+        highest, lowest = (f(values, size) for f in (scipy.ndimage.maximum_filter1d, scipy.ndimage.minimum_filter1d))
+        return (highest - lowest) / self.double_amplitudes[0]
 
     @property
     def was_held_still(self) -> bool:

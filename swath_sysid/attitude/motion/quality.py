@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.ndimage import median_filter
+import scipy  # its rooms are loaded when they are used: the buffer subscribes first
 
 from swath_sysid.attitude.motion.segmentation import SMALLEST_AMPLITUDE, DecaySegment, explain_absence, find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
@@ -115,7 +115,7 @@ def _bending(value: np.ndarray) -> np.ndarray:
     bad = spikes(value)
     # at an end one side alone cannot tell a glitch from a release
     bad[: SPIKE_NEIGHBOURS // 2] = bad[-(SPIKE_NEIGHBOURS // 2) :] = False
-    away = np.abs(value - median_filter(value, SPIKE_NEIGHBOURS))
+    away = np.abs(value - scipy.ndimage.median_filter(value, SPIKE_NEIGHBOURS))
     return bad & (away > MIN_SPIKE * np.ptp(value[~bad]))
 
 

@@ -6,7 +6,7 @@ from itertools import accumulate
 from math import isfinite
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+import scipy  # its rooms are loaded when they are used: the buffer subscribes first
 
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.conventions import SIGNIFICANT
@@ -158,7 +158,8 @@ def _taper(size: int) -> np.ndarray:
 def _lively(differences: np.ndarray) -> slice:
     """The part of a stretch in which the angles change: a decay is short beside what lies before and after it."""
     width = MIN_BINS // 8
-    energy = np.cumsum(np.sum(uniform_filter1d(differences - differences.mean(axis=0), width, axis=0) ** 2, axis=1))
+    smooth = scipy.ndimage.uniform_filter1d(differences - differences.mean(axis=0), width, axis=0)
+    energy = np.cumsum(np.sum(smooth**2, axis=1))
     quiet = 0.5 * (1.0 - LIVELY)
     first, last = np.searchsorted(energy, [quiet * energy[-1], (1.0 - quiet) * energy[-1]])
     margin = max(width, (MIN_BINS - (last - first)) // 2 + 1, (last - first) // 4)

@@ -7,7 +7,6 @@ from math import inf, isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
-from scipy import constants
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -23,7 +22,7 @@ BURSTS = 'bursts'
 #: The reasons that an order gives; the first three leave the sample out. What was lost is found by a sensor's clock.
 STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, STEPPED, GAP, LONG_GAP, RATE_CHANGED, BURSTS)
 
-NANOSECOND = constants.nano  #: s.
+NANOSECOND = 1e-9  #: s.
 GAP_INTERVALS = 2.5
 FOLLOWING = {True: 0.02, False: 0.1}  #: Largest relative step per sample of the tracked interval, settled or not.
 SETTLING_SAMPLES = 50
@@ -228,7 +227,7 @@ def _alike(first: float, second: float, factor: float) -> bool:
 
 MIN_RATE, MAX_RATE = 0.5, 10_000.0  #: Hz: sensors of motion lie well within.
 
-SHORTER_UNITS = {'ms': constants.milli, 'us': constants.micro, 'ns': constants.nano}
+SHORTER_UNITS = {'ms': 1e-3, 'us': 1e-6, 'ns': NANOSECOND}
 
 LONGEST_PERIOD = 60.0  #: s: roll and pitch of small craft take a few seconds, of ships up to 30.
 

@@ -11,7 +11,7 @@ from functools import cached_property
 from itertools import accumulate
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+import scipy  # its rooms are loaded when they are used: the buffer subscribes first
 
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.signals import (
@@ -195,7 +195,7 @@ def pyramid(signal: EvenSignal) -> Iterator[EvenSignal]:
     level = signal
     while level.value.size >= MIN_PER_PERIOD // 2:
         # a standard deviation of one sample leaves 1 / sqrt(2 sqrt(pi)) of white noise
-        smooth = gaussian_filter1d(level.value, 1.0, mode='nearest')
+        smooth = scipy.ndimage.gaussian_filter1d(level.value, 1.0, mode='nearest')
         yield replace(level, value=smooth, noise=level.noise / (4.0 * np.pi) ** 0.25, smoothed=True)
         even = level.value.size // 2 * 2
         level = replace(
@@ -217,7 +217,7 @@ def steadied(levels: Sequence[EvenSignal], motion: AxisMotion) -> Sequence[EvenS
     turned = np.interp(even.time, motion.time, running_integral(motion.rate, motion.time))
     found = []
     for angle, fast in zip(levels, pyramid(replace(even, value=turned, noise=noise_level(turned))), strict=True):
-        slow = gaussian_filter1d(angle.value - fast.value, MIN_PER_PERIOD, mode='nearest')
+        slow = scipy.ndimage.gaussian_filter1d(angle.value - fast.value, MIN_PER_PERIOD, mode='nearest')
         found.append(replace(fast, value=fast.value + slow))
     return found
 
