@@ -27,7 +27,6 @@ from swath_sysid.attitude.prediction.hull_track import (
     HullTrack,
     hull_step,
     predict,
-    predict_to,
 )
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, sum_of_moments
 from swath_sysid.common.errors import InputError
@@ -154,14 +153,15 @@ def test_the_sparse_prediction_is_the_dense_one():
     wanted_mean = np.concatenate([[angle, rate], mean[OF_HULL], f @ z])
     moment_now = moment.blocks, h, moment.stationary
     durations = np.array([step, 0.0, 0.13, 1.1, 0.1])
-    means, spreads = predict_to(mean, covariance, moment_now, hull, drift, durations, 0.05)
-    predict(mean, covariance, moment_now, hull, drift, step, 0.05)
+    along = mean.copy(), covariance.copy()
+    means, spreads = predict(*along, moment_now, hull, drift, durations, 0.05)
+    predict(mean, covariance, moment_now, hull, drift, durations[:1], 0.05)
     assert mean == pytest.approx(wanted_mean, rel=1e-12)
     assert covariance == pytest.approx(wanted, rel=1e-9, abs=1e-14)
-    # a forecast follows angle and rate alone, and is the same
-    for place, duration in enumerate(durations):
-        if place and duration:
-            predict(mean, covariance, moment_now, hull, drift, duration, 0.05)
+    # a forecast at several leads is one after the other
+    for place in range(len(durations)):
+        if place:
+            predict(mean, covariance, moment_now, hull, drift, durations[place : place + 1], 0.05)
         assert means[place] == pytest.approx(mean[:2], rel=1e-9)
         assert spreads[place] == pytest.approx(covariance[:2, :2], rel=1e-7)
 

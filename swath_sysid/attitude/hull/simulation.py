@@ -16,8 +16,11 @@ restoring_moment = accelerated(terms.restoring_moment)
 damping_slope = accelerated(terms.damping_slope)
 restoring_slope = accelerated(terms.restoring_slope)
 term_moments = accelerated(terms.term_moments)
-#: One of P columns of ratios (9, P) as a tuple, which numba cannot make; an array's values are not kept in registers.
-column = accelerated(eval(f'lambda ratios, p: ({", ".join(f"ratios[{k}, p]" for k in range(len(terms.TERMS)))})'))
+#: Ratios (9,) as a tuple, which numba cannot make: an array's values are not kept in registers, nor floats in Python.
+as_tuple = accelerated(
+    eval(f'lambda ratios: ({", ".join(f"ratios[{k}]" for k in range(len(terms.TERMS)))})'),
+    lambda ratios: tuple(ratios.tolist()),
+)
 
 
 @accelerated
@@ -57,7 +60,7 @@ def _integrate_each(
 ) -> None:
     """P decays one after the other into (K, 3, P): compiled, without temporary arrays, twice as fast."""
     for p in range(x.size):
-        _integrate(x[p], rate[p], column(ratios, p), active, friction_rate, step, motion[:, :, p])
+        _integrate(x[p], rate[p], as_tuple(ratios[:, p]), active, friction_rate, step, motion[:, :, p])
 
 
 def runge_kutta_population(
@@ -72,7 +75,7 @@ def runge_kutta_population(
     """Integrate P free decays from x, rad from trim, and rate, rad/s, with the classical Runge-Kutta scheme. ``ratios``
     has shape (9, P). Returns angles, rates and accelerations (steps + 1, P), not finite after a divergence.
     """
-    motion = np.empty((steps + 1, 3, x.size))
+    motion, ratios = np.empty((steps + 1, 3, x.size)), np.array(ratios, order='C')  # one layout is compiled
     if has_numba():
         _integrate_each(x, rate, ratios, active, friction_rate, step, motion)
     else:

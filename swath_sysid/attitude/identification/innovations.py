@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.hull.simulation import (
-    column,
+    as_tuple,
     damping_moment,
     damping_slope,
     motion_step,
@@ -211,7 +211,7 @@ def run_each(hulls: Hulls, record: BlockedRecord, filters: Filters) -> None:
         mean, covariance = f.mean[:, b].copy(), f.covariance[:, :, b].copy()
         transition, driven = f.transition[:, :, b].copy(), f.driven[:, :, b].copy()
         readings = f.noise[:, :, b], f.innovation[:, :, b], f.variance[:, :, b]
-        hull = Hulls(column(hulls.ratios, b), hulls.active, hulls.friction_rate)
+        hull = Hulls(as_tuple(hulls.ratios[:, b]), hulls.active, hulls.friction_rate)
         run_filter(hull, record, Filters(mean, covariance, transition, driven, *readings))
 
 

@@ -13,6 +13,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulation import (
+    as_tuple,
     damping_moment,
     damping_slope,
     motion_step,
@@ -56,10 +57,11 @@ def hull_step(
     """
     active, friction_rate = hull
     angle, rate, trim = float(state[0]), float(state[1]), float(state[TRIM])
-    ratios = state[RATIOS:HULL_STATES].copy()
     of_quadratic = math.sqrt(rate * rate + 8.0 / math.pi * rate_variance) - abs(rate)
     of_cubic = 3.0 * rate_variance
-    ratios[AT.b1] += ratios[AT.b2] * of_quadratic + ratios[AT.b3] * of_cubic
+    mean_ratios = state[RATIOS:HULL_STATES].copy()
+    mean_ratios[AT.b1] += mean_ratios[AT.b2] * of_quadratic + mean_ratios[AT.b3] * of_cubic
+    ratios = as_tuple(mean_ratios)
     half = 0.5 * step
     x = angle - trim
     start = moment - damping_moment(rate, ratios, active, friction_rate) - restoring_moment(x, ratios, active)
@@ -86,15 +88,19 @@ def hull_step(
     slopes[1, 1] = 1.0 + c * step + square * h2 + c * (a + square) * h3
     for row, gain in ((0, gain_angle), (1, gain_rate)):
         slopes[row, TRIM], slopes[row, HULL_STATES] = -a * gain, gain
-        slopes[row, RATIOS:HULL_STATES] = -gain * terms
+        for k in range(HULL_STATES - RATIOS):
+            slopes[row, RATIOS + k] = -gain * terms[k]
     return float(angle), float(rate), slopes
 
 
 @accelerated
 def transition(blocks: np.ndarray, step: float) -> np.ndarray:
     """Transition of the state over a step, (n, n), without the rows of angle and rate."""
-    f = np.eye(HULL_STATES + 2 * blocks.shape[0])
-    for k in range(blocks.shape[0]):
+    n = HULL_STATES + 2 * len(blocks)
+    f = np.zeros((n, n))
+    for i in range(TRIM, HULL_STATES):
+        f[i, i] = 1.0
+    for k in range(len(blocks)):
         i, j = HULL_STATES + 2 * k, HULL_STATES + 2 * k + 1
         decay, v = math.exp(blocks[k, 0] * step), blocks[k, 2]
         if v > 0.0:
@@ -106,60 +112,123 @@ def transition(blocks: np.ndarray, step: float) -> np.ndarray:
     return f
 
 
+def _inner_each(a: np.ndarray, b: np.ndarray) -> float:
+    """Inner product of two vectors (n,)."""
+    total = 0.0
+    for k in range(len(a)):
+        total += a[k] * b[k]
+    return total
+
+
+def _settle_each(covariance: np.ndarray, stationary: np.ndarray, sign: float) -> None:
+    """Add the moment's stationary covariance to that of the state, or subtract it, in place."""
+    for i in range(len(stationary)):
+        for j in range(len(stationary)):
+            covariance[HULL_STATES + i, HULL_STATES + j] += sign * stationary[i, j]
+
+
+def _settle_at_once(covariance: np.ndarray, stationary: np.ndarray, sign: float) -> None:
+    covariance[HULL_STATES:, HULL_STATES:] += sign * stationary
+
+
+def _drive_each(f: np.ndarray, output: np.ndarray, mean: np.ndarray) -> float:
+    """Move the moment's mean over a step, in place: the moment, by half of its output (2 B,) before and after."""
+    held = 0.0
+    for k in range(HULL_STATES, len(mean), 2):
+        x, y = mean[k], mean[k + 1]
+        mean[k], mean[k + 1] = f[k, k] * x + f[k, k + 1] * y, f[k + 1, k] * x + f[k + 1, k + 1] * y
+        held += output[k - HULL_STATES] * (x + mean[k]) + output[k + 1 - HULL_STATES] * (y + mean[k + 1])
+    return held
+
+
+def _drive_at_once(f: np.ndarray, output: np.ndarray, mean: np.ndarray) -> float:
+    before = mean[HULL_STATES:].copy()
+    mean[HULL_STATES:] = f[HULL_STATES:, HULL_STATES:] @ before
+    return float(output @ (before + mean[HULL_STATES:]))
+
+
+def _move_each(
+    f: np.ndarray, slopes: np.ndarray, output: np.ndarray, settled: np.ndarray, growth: tuple, covariance: np.ndarray
+) -> None:
+    """Move a covariance (n, n), less the moment's stationary one, over a step, in place.
+
+    Half of the moment's output (2 B,) acts at the start, by ``rows``, and half at the end, by ``end``; ``settled`` is
+    its product with the stationary covariance, ``growth`` has drift and step. The transition's zeros are skipped.
+    """
+    c, n, first = covariance, len(covariance), HULL_STATES
+    by_state, rows, end, of_end = np.empty((2, n)), np.zeros((2, n)), np.zeros(n), 0.0
+    for i in range(2):
+        for k in range(n):
+            by_state[i, k] = slopes[i, k] if k < first else slopes[i, first] * output[k - first]
+            for j in range(n):
+                rows[i, j] += by_state[i, k] * c[k, j]
+        for k in range(first, n):
+            rows[i, k] += slopes[i, first] * settled[k - first]
+    for i in range(2):
+        for j in range(n):
+            c[i, j] = rows[i, j]
+    # f c f' as f (f c)' twice: pairs of columns, and a transposition without the rows of angle and rate
+    for start in (0, TRIM):
+        for k in range(first, n, 2):
+            a, b, d, e = f[k, k], f[k, k + 1], f[k + 1, k], f[k + 1, k + 1]
+            for i in range(start, n):
+                c[i, k], c[i, k + 1] = a * c[i, k] + b * c[i, k + 1], d * c[i, k] + e * c[i, k + 1]
+        for i in range(TRIM, n):
+            for j in range(TRIM, i):
+                c[i, j], c[j, i] = c[j, i], c[i, j]
+    drift, step = growth
+    for i in range(len(drift)):
+        for j in range(len(drift)):
+            c[TRIM + i, TRIM + j] += step * drift[i, j]
+    for i in range(2):
+        for j in range(2):
+            c[i, j] = 0.0
+            for k in range(n):
+                c[i, j] += rows[i, k] * by_state[j, k]
+        for k in range(first, n):
+            end[i] += output[k - first] * c[i, k]
+    for k in range(first, n):
+        end[k] += settled[k - first]
+        for j in range(TRIM, n):
+            end[j] += output[k - first] * c[k, j]
+    for k in range(first, n):
+        of_end += output[k - first] * end[k]
+    for i in range(2):
+        gain = slopes[i, first]
+        for j in range(2):
+            c[i, j] += gain * end[j] + slopes[j, first] * (end[i] + gain * of_end)
+        for j in range(TRIM, n):
+            c[i, j] += gain * end[j]
+            c[j, i] = c[i, j]
+
+
+def _move_at_once(
+    f: np.ndarray, slopes: np.ndarray, output: np.ndarray, settled: np.ndarray, growth: tuple, covariance: np.ndarray
+) -> None:
+    c, first, rest = covariance, HULL_STATES, slice(TRIM, None)
+    gain = slopes[:, first:]
+    f[:2, :first], f[:2, first:] = slopes[:, :first], gain * output
+    rows = f[:2] @ c
+    rows[:, first:] += gain * settled
+    c[rest, rest] = f[rest, rest] @ c[rest, rest] @ f[rest, rest].T
+    c[:2] = rows @ f.T
+    c[:, :2] = c[:2].T
+    c[OF_HULL, OF_HULL] += growth[1] * growth[0]
+    end = output @ c[first:]
+    end[first:] += settled
+    c[:2] += gain * end
+    c[:2, :2] += (end[:2, None] + gain * (output @ end[first:])) * gain.T
+    c[rest, :2] = c[:2, rest].T
+
+
+inner = accelerated(_inner_each, np.dot)
+settle = accelerated(_settle_each, _settle_at_once)
+drive = accelerated(_drive_each, _drive_at_once)
+move = accelerated(_move_each, _move_at_once)
+
+
 @accelerated
 def predict(
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    moment: tuple,
-    hull: tuple,
-    drift: np.ndarray,
-    duration: float,
-    longest: float,
-) -> None:
-    """Move mean (n,) and covariance (n, n), n = 12 + 2 B, on by a duration, s, in place, in steps up to ``longest``.
-
-    Over a step the moment and its noise act by the mean of their values at both ends. ``moment``: blocks (B, 3), output
-    (2 B,), stationary covariance (2 B, 2 B); ``drift`` (10, 10): growth of the covariance of trim and ratios per
-    second.
-    """
-    blocks, output, stationary = moment
-    count = max(1, math.ceil(duration / longest - 1e-6))
-    step = duration / count
-    f = transition(blocks, step)
-    n, first = mean.size, HULL_STATES
-    noise, whole_output = np.zeros((n, n)), np.zeros(n)
-    noise[first:, first:], whole_output[first:] = stationary, output
-    noise -= f @ noise @ f.T
-    noise[TRIM:first, TRIM:first] = step * drift
-    mean_output = 0.5 * (whole_output + whole_output @ f)
-    of_moment = 0.5 * (whole_output @ noise)
-    moment_variance = 0.5 * (of_moment @ whole_output)
-    for _ in range(count):
-        angle, rate, slopes = hull_step(mean, mean_output @ mean, covariance[1, 1], step, hull)
-        gain = slopes[:, first:]
-        f[:2] = gain * mean_output
-        f[:2, :first] = slopes[:, :first]
-        mean[:] = f @ mean
-        mean[0], mean[1] = angle, rate
-        covariance[:] = f @ covariance @ f.T + noise
-        covariance[:2] += gain * of_moment
-        covariance[:, :2] += (gain * of_moment).T
-        covariance[:2, :2] += gain * gain.T * moment_variance
-        limit(covariance)
-
-
-@accelerated
-def limit(covariance: np.ndarray) -> None:
-    """Bound the variances of angle and rate, in place, without a change of their correlations."""
-    for place, most in ((0, LARGEST_ANGLE_VARIANCE), (1, LARGEST_RATE_VARIANCE)):
-        if covariance[place, place] > most:
-            shrink = math.sqrt(most / covariance[place, place])
-            covariance[place] *= shrink
-            covariance[:, place] *= shrink
-
-
-@accelerated
-def predict_to(
     mean: np.ndarray,
     covariance: np.ndarray,
     moment: tuple,
@@ -168,46 +237,47 @@ def predict_to(
     durations: np.ndarray,
     longest: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Angle and rate (L, 2) and their covariance (L, 2, 2) after successive durations of `predict`; nothing changes.
+    """Move mean (n,) and covariance (n, n), n = 12 + 2 B, on in place by successive durations (L,), s.
 
-    The motion does not act on the rest of the state, whose covariance after any time is therefore known at once: only
-    the covariances of angle and rate with the whole state are followed, ``rows`` (2, n).
+    Returns angle and rate (L, 2) and their covariance (L, 2, 2) after each. Steps are up to ``longest``; over a step
+    the moment and its noise act by the mean of their values at both ends. ``moment``: blocks (B, 3), output (2 B,),
+    stationary covariance (2 B, 2 B); ``drift`` (10, 10): growth of the covariance of trim and ratios per
+    second.
     """
     blocks, output, stationary = moment
-    n, first = mean.size, HULL_STATES
-    settled, growth, whole_output = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
-    settled[first:, first:], growth[TRIM:first, TRIM:first], whole_output[first:] = stationary, drift, output
-    # what the rest's covariance still differs by from that of a moment on its own, which dies out
-    unsettled = covariance - settled
-    unsettled[:2], unsettled[:, :2] = 0.0, 0.0
-    state, rows, time = mean.copy(), covariance[:2].copy(), 0.0
+    half, settled = np.empty(output.size), np.empty(output.size)
     means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
-    for k in range(durations.size):
-        count = math.ceil(durations[k] / longest - 1e-6)
-        step = durations[k] / max(1, count)
+    for k in range(output.size):
+        half[k], settled[k] = 0.5 * output[k], 0.5 * inner(output, stationary[k])
+    # what differs from the moment's stationary covariance dies out, and no noise need be added
+    settle(covariance, stationary, -1.0)
+    for lead in range(durations.size):
+        duration = durations[lead]
+        count = max(1, math.ceil(duration / longest - 1e-6)) if duration > 0.0 else 0
+        step = duration / max(1, count)
         f = transition(blocks, step)
-        mean_output = 0.5 * (whole_output + whole_output @ f)
-        of_settled = mean_output @ settled
-        of_moment = 0.5 * (whole_output @ settled - (whole_output @ f) @ settled @ f.T)
-        moment_variance = 0.5 * (of_moment @ whole_output)
         for _ in range(count):
-            since = transition(blocks, time)
-            output_then = mean_output @ since
-            angle, rate, slopes = hull_step(state, output_then @ mean, rows[1, 1], step, hull)
-            by_motion, gain, by_hull = np.ascontiguousarray(slopes[:, :2]), slopes[:, first:], np.zeros((2, n))
-            by_hull[:, TRIM:first] = slopes[:, TRIM:first]
-            by_rest = by_hull + gain * mean_output
-            moved = by_motion @ rows + (by_hull + gain * output_then) @ unsettled @ since.T
-            moved += gain * of_settled + time * (by_hull @ growth)
-            moved[:, :2] += (rows @ by_rest.T).T
-            motion = np.ascontiguousarray(moved[:, :2]) @ by_motion.T + moved @ by_rest.T
-            rows = moved @ f.T + gain * of_moment
-            rows[:, :2] = motion + gain * gain.T * moment_variance
-            limit(rows)
-            state[0], state[1] = angle, rate
-            time += step
-        means[k], spreads[k] = state[:2], rows[:, :2]
+            held = drive(f, half, mean)
+            mean[0], mean[1], slopes = hull_step(mean, held, covariance[1, 1], step, hull)
+            move(f, slopes, half, settled, (drift, step), covariance)
+            limit(covariance)
+        for i in range(2):
+            means[lead, i] = mean[i]
+            for j in range(2):
+                spreads[lead, i, j] = covariance[i, j]
+    settle(covariance, stationary, 1.0)
     return means, spreads
+
+
+@accelerated
+def limit(covariance: np.ndarray) -> None:
+    """Bound the variances of angle and rate, in place, without a change of their correlations."""
+    for place, most in ((0, LARGEST_ANGLE_VARIANCE), (1, LARGEST_RATE_VARIANCE)):
+        if covariance[place, place] > most:
+            shrink = math.sqrt(most / covariance[place, place])
+            for k in range(len(covariance)):
+                covariance[place, k] *= shrink
+                covariance[k, place] *= shrink
 
 
 class HullTrack(ExtendedKalmanFilter):
@@ -270,11 +340,12 @@ class HullTrack(ExtendedKalmanFilter):
         """Mean, (L, 2), and covariance, (L, 2, 2), of angle and rate at increasing leads, s."""
         durations = np.array(leads, dtype=float)
         durations[1:] -= leads[:-1]
-        return predict_to(self.x, self.P, self.moment, self.hull, self.drift, durations, self.longest)
+        state = self.x.copy(), self.P.copy()
+        return predict(*state, self.moment, self.hull, self.drift, durations, self.longest)
 
     def predict(self, duration: float) -> None:
         """Move the state on by a duration, s, longer than zero."""
-        predict(self.x, self.P, self.moment, self.hull, self.drift, duration, self.longest)
+        predict(self.x, self.P, self.moment, self.hull, self.drift, np.array([duration]), self.longest)
 
     def update(self, values: Pair, variances: Pair, learns: bool) -> None:
         """filterpy's update with angle and rate, of which one may be NaN: not measured.
