@@ -13,6 +13,7 @@ from repository import ROOT
 from swath_sysid import __version__
 from swath_sysid.attitude.hull import terms
 from swath_sysid.attitude.prediction import hull_track
+from swath_sysid.cli.main import main
 from swath_sysid.common.accelerator import accelerated
 
 numba = pytest.importorskip('numba')
@@ -167,3 +168,45 @@ def test_an_interrupt_while_a_kernel_returns_its_arrays_stays_one():
     finally:
         sys.setprofile(None)
     assert interrupted
+
+
+AT_ONCE = """
+import json, os, sys
+from swath_sysid.common.accelerator import accelerated, answer_at_once, compile_kernels, load_kernels
+
+@accelerated
+def doubled(x):
+    return x + x
+
+def use():
+    assert doubled(2.5) == 5.0
+
+told = []
+answer_at_once()
+use()
+told.append('numba' in sys.modules)
+told.append(load_kernels(use))
+use()
+answer_at_once(False)
+shares = []
+compile_kernels([use], shares.append)
+told.append(shares[-1])
+answer_at_once()
+told.append(load_kernels(use))
+use()
+told.append(len(doubled._dispatcher.overloads))
+print(json.dumps(told))
+"""
+
+
+def test_a_process_that_answers_at_once_runs_kernels_uncompiled_until_the_cache_has_them(tmp_path):
+    environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)}
+    done = subprocess.run([sys.executable, '-c', AT_ONCE], env=environment, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == [False, False, 1.0, True, 1]
+
+
+def test_what_cannot_be_compiled_is_one_sentence_and_exit_code_2(monkeypatch, capsys):
+    monkeypatch.setattr(numba.config, 'CACHE_DIR', os.devnull)
+    assert main(['compile', '--quiet']) == 2
+    said = capsys.readouterr().err
+    assert said.count('\n') == 1 and 'make it writable, or set NUMBA_CACHE_DIR' in said

@@ -206,7 +206,7 @@ def test_after_a_stall_it_forecasts_from_the_newest_and_leaves_out_what_it_has_n
         send(50, 50 + count)
         spin_until(lambda: predictor.health.received == 50 + count, 'all samples')
         newest = EPOCH_NS + (50 + count - 1) * interval_ns
-        wait_for(lambda: bench.newest_stamp() == newest + interval_ns, 'forecast from the newest sample')
+        wait_for(lambda: bench.newest_stamp() > newest, 'forecast from the newest sample')
         wait_for(lambda: leads, 'leads')
         fresh = PASSED_OVER_NS // interval_ns + 1
         assert len(bench.heard['forecast/next']) <= fresh and len(leads) <= 2

@@ -227,7 +227,7 @@ class _Stage:
 def _demonstrate(craft: _Craft, stage: _Stage):
     """Release the craft, wait for its model, release it again."""
     received = stage.listener.received
-    starting = 'waiting until the nodes are ready, after an installation for up to a minute'
+    starting = 'waiting until the nodes are ready'
     if not stage.wait(starting, stage.listener.is_ready, TIMEOUT_S):
         raise InputError(f'the nodes sent nothing within {TIMEOUT_S:g} s: see demo.log')
     stage.pause('still water, no model', craft.period)
