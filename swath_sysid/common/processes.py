@@ -153,7 +153,7 @@ def _end_with(parent: multiprocessing.process.BaseProcess) -> None:
 
 
 NICENESS = 5  #: A child yields to the processes that forecast, and still gets its turn on a busy core.
-CANCEL_PATIENCE = 0.3  #: s; a child that has not given up by then is killed and restarted.
+CANCEL_PATIENCE = 0.3  #: s; a child that has not given up by then is killed, and starts with the next work.
 POLL_PERIOD = 0.02
 
 Work = tuple[Callable, tuple, bool]
@@ -223,7 +223,8 @@ class WorkerProcess:
                     asked_at = now
                     self._connection.send(None)
                 elif now - asked_at > CANCEL_PATIENCE:
-                    self.restart()
+                    self._process.kill()
+                    self.rest()
                     raise Cancelled
 
     def restart(self) -> str:
