@@ -171,7 +171,11 @@ class _Compiled:
     @cached_property
     def _dispatcher(self) -> Any:
         numba = compiler()
-        return self._otherwise if numba is None else _cached(numba.njit(error_model='numpy')(self._function))
+        return (
+            self._otherwise
+            if numba is None
+            else _cached(numba.njit(error_model='numpy', no_cfunc_wrapper=True)(self._function))
+        )
 
     @property
     def _numba_type_(self) -> Any:

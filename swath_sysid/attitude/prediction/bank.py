@@ -314,8 +314,9 @@ def bound(mean: np.ndarray, covariance: np.ndarray, centre: np.ndarray, largest:
                 mean[lead, target] = high
             deviation = np.sqrt(covariance[lead, target, target])
             if deviation > largest[target]:
-                covariance[lead, target] *= largest[target] / deviation
-                covariance[lead, :, target] *= largest[target] / deviation
+                for other in range(mean.shape[1]):
+                    covariance[lead, target, other] *= largest[target] / deviation
+                    covariance[lead, other, target] *= largest[target] / deviation
 
 
 def without_noise(covariance: np.ndarray, noise: np.ndarray) -> np.ndarray:

@@ -241,28 +241,37 @@ def take_row(errors: Errors, kept: Kept, layout: Layout, row: Row, number: int, 
             if learn(errors, layout, row, past, (regime, place, axis)):
                 is_any_known = True
     now = number % rows
-    kept.regime[now] = row.regime
     weights, square = np.empty(candidates), np.empty(candidates)
-    for place in range(steps):
-        for axis in range(axes):
+    for axis in range(axes):
+        kept.regime[now, axis] = regime = row.regime[axis]
+        for place in range(steps):
+            mean, variances = row.mean[:, place, axis], row.variance[:, place, axis]
+            time, prior, noise = errors.time[place, axis], layout.prior[:, place], row.noise[axis]
+            recall(errors.mean_square, errors.weights, place, axis, square, weights)
             if is_any_known:
-                known, time = errors.mean_square[:, place, axis], errors.time[place, axis]
-                error_weights(known, time, layout.prior[:, place], errors.weights[:, place, axis])
-            regime = kept.regime[now, axis]
+                error_weights(square, time, prior, weights)
+                for candidate in range(candidates):
+                    errors.weights[candidate, place, axis] = weights[candidate]
             errors.scale[place, axis] = scale = errors.spread[3, regime, place, axis]
             errors.widened[place, axis] = widened = scale * max(errors.recent[int(regime == FREE), place, axis], 1.0)
-            weights[:] = errors.weights[:, place, axis]
-            noise, variances = row.noise[axis], row.variance[:, place, axis]
             if is_after_break:
-                no_less(square, errors.mean_square[:, place, axis], variances, noise)
-                error_weights(square, errors.time[place, axis], layout.prior[:, place], weights)
-            leave_out(weights, row.mean[:, place, axis])
+                no_less(square, variances, noise)
+                error_weights(square, time, prior, weights)
+            leave_out(weights, mean)
             issued, variance = kept.issued[now, place, axis], weighted(weights, variances)
-            issued[0], issued[1] = weighted(weights, row.mean[:, place, axis]), variance
+            issued[0], issued[1] = weighted(weights, mean), variance
             issued[2] = _QUANTILE**2 * (scale * variance / row.doubt + noise)
             issued[3] = _QUANTILE**2 * (widened * variance + noise)
             issued[4] = row.size[axis]
-            issued[5:] = row.mean[:, place, axis]
+            for candidate in range(candidates):
+                issued[5 + candidate] = mean[candidate]
+
+
+@accelerated
+def recall(known: np.ndarray, used: np.ndarray, place: int, axis: int, square: np.ndarray, weights: np.ndarray) -> None:
+    """Copy mean square errors (E,) and weights (E,) of a place and axis."""
+    for candidate in range(len(square)):
+        square[candidate], weights[candidate] = known[candidate, place, axis], used[candidate, place, axis]
 
 
 @accelerated
@@ -271,8 +280,8 @@ def learn(errors: Errors, layout: Layout, row: Row, past: np.ndarray, at: tuple[
     regime, place, axis = at
     step, size, interval = layout.step, row.size[axis], past[3]
     blended = row.reading[axis] - past[0]
-    square, is_known = blended * blended, np.isfinite(blended)
-    is_judged = is_known and np.isfinite(interval)
+    square, is_known = blended * blended, math.isfinite(blended)
+    is_judged = is_known and math.isfinite(interval)
     if is_judged:
         gain = step / (MEMORY_OF_SIZE + step)
         errors.blended_square[place, axis] += gain * (square - errors.blended_square[place, axis])
@@ -293,7 +302,7 @@ def learn(errors: Errors, layout: Layout, row: Row, past: np.ndarray, at: tuple[
     errors.time[place, axis] = time = layout.keep[place] * errors.time[place, axis] + step
     for candidate in range(len(errors.mean_square)):
         error = row.reading[axis] - past[5 + candidate]
-        own = error * error if np.isfinite(error) else UNPROVEN * square
+        own = error * error if math.isfinite(error) else UNPROVEN * square
         before = errors.mean_square[candidate, place, axis]
         errors.mean_square[candidate, place, axis] += step / max(time, 1e-12) * (own - before)
     follow_spread(errors.spread[:, regime, place, axis], square, past, row.noise[axis], (growth, step))
@@ -334,15 +343,16 @@ def error_weights(mean_square: np.ndarray, time: float, prior: np.ndarray, weigh
     for place in range(len(mean_square)):
         weights[place] = prior[place] * (least / weights[place]) ** _POWER
         total += weights[place]
-    weights /= total
+    for place in range(len(mean_square)):
+        weights[place] /= total
 
 
 @accelerated
-def no_less(square: np.ndarray, mean_square: np.ndarray, variance: np.ndarray, noise: float) -> None:
-    """Square errors (E,), which are no less than the variances (E,) that the candidates claim."""
+def no_less(square: np.ndarray, variance: np.ndarray, noise: float) -> None:
+    """Raise square errors (E,) to the variances (E,) that the candidates claim."""
     for place in range(len(square)):
         claimed = variance[place] + noise
-        square[place] = max(mean_square[place], claimed if np.isfinite(claimed) else 0.0)
+        square[place] = max(square[place], claimed if math.isfinite(claimed) else 0.0)
 
 
 @accelerated
@@ -350,9 +360,10 @@ def leave_out(weights: np.ndarray, forecast: np.ndarray) -> None:
     """Let those without a forecast (E,) have no weight (E,), and the others all of it."""
     total = 0.0
     for place in range(len(weights)):
-        weights[place] = max(weights[place], 1e-12) if np.isfinite(forecast[place]) else 0.0
+        weights[place] = max(weights[place], 1e-12) if math.isfinite(forecast[place]) else 0.0
         total += weights[place]
-    weights /= max(total, 1e-12)
+    for place in range(len(weights)):
+        weights[place] /= max(total, 1e-12)
 
 
 @accelerated
@@ -379,23 +390,23 @@ def combined(
         for target in range(targets):
             axis, of_target = ahead.axis_of[target], weights[target]
             scale = errors.widened[place, axis]
-            of_target[:] = errors.weights[:, place, axis]
+            recall(errors.mean_square, errors.weights, place, axis, square, of_target)
             if is_after_break:
-                claimed = ahead.covariance[:, lead, axis, axis]
-                no_less(square, errors.mean_square[:, place, axis], claimed, ahead.noise[axis])
+                no_less(square, ahead.covariance[:, lead, axis, axis], ahead.noise[axis])
                 error_weights(square, errors.time[place, axis], layout.prior[:, place], of_target)
             # no surer than the candidates are, before errors of this motion are known
             if is_after_break or ahead.regime[axis] == YOUNG:
                 scale = max(scale, 1.0)
             if of_row < 1.0:
-                of_target *= of_row
+                for candidate in range(candidates):
+                    of_target[candidate] *= of_row
                 of_target[0] += 1.0 - of_row
                 scale = scale**of_row
             leave_out(of_target, ahead.mean[:, lead, target])
             mean[lead, target] = weighted(of_target, ahead.mean[:, lead, target])
             variance = weighted(of_target, ahead.covariance[:, lead, target, target])
-            own[lead, target] = np.sqrt(variance + ahead.noise[target])
-            factor[target] = np.sqrt(max(scale * variance, ahead.least[target]) / variance)
+            own[lead, target] = math.sqrt(variance + ahead.noise[target])
+            factor[target] = math.sqrt(max(scale * variance, ahead.least[target]) / variance)
         for one in range(targets):
             for other in range(one + 1):
                 for candidate in range(candidates):

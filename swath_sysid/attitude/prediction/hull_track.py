@@ -94,22 +94,25 @@ def hull_step(
 
 
 @accelerated
-def transition(blocks: np.ndarray, step: float) -> np.ndarray:
-    """Transition of the state over a step, (n, n), without the rows of angle and rate."""
-    n = HULL_STATES + 2 * len(blocks)
-    f = np.zeros((n, n))
+def transition(blocks: np.ndarray, output: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Transition (n, n) of the state over a step, without the rows of angle and rate, and mean output (2 B,)."""
+    f = np.zeros((HULL_STATES + output.size, HULL_STATES + output.size))
+    held = np.empty(output.size)
     for i in range(TRIM, HULL_STATES):
         f[i, i] = 1.0
-    for k in range(len(blocks)):
-        i, j = HULL_STATES + 2 * k, HULL_STATES + 2 * k + 1
-        decay, v = math.exp(blocks[k, 0] * step), blocks[k, 2]
+    for block in range(len(blocks)):
+        k, i = 2 * block, HULL_STATES + 2 * block
+        v, a = blocks[block, 2], math.exp(blocks[block, 0] * step)
+        b, d = 0.0, a
         if v > 0.0:
-            f[i, i] = f[j, j] = decay * math.cos(v * step)
-            f[i, j] = decay * math.sin(v * step)
-            f[j, i] = -f[i, j]
+            a, b = a * math.cos(v * step), a * math.sin(v * step)
+            d = a
         else:
-            f[i, i], f[j, j] = decay, math.exp(blocks[k, 1] * step)
-    return f
+            d = math.exp(blocks[block, 1] * step)
+        f[i, i], f[i, i + 1], f[i + 1, i], f[i + 1, i + 1] = a, b, -b, d
+        first, second = 0.5 * output[k], 0.5 * output[k + 1]
+        held[k], held[k + 1] = first + first * a - second * b, second + first * b + second * d
+    return f, held
 
 
 def _inner_each(a: np.ndarray, b: np.ndarray) -> float:
@@ -120,110 +123,105 @@ def _inner_each(a: np.ndarray, b: np.ndarray) -> float:
     return total
 
 
-def _settle_each(covariance: np.ndarray, stationary: np.ndarray, sign: float) -> None:
-    """Add the moment's stationary covariance to that of the state, or subtract it, in place."""
+@accelerated
+def turn(f: np.ndarray, c: np.ndarray) -> None:
+    """Replace c (n, n) by (f c)', in place and without the zeros of the transition: twice, it is f c f'."""
+    rows = np.zeros((2, len(c)))
+    for k in range(len(c)):
+        for j in range(len(c)):
+            rows[0, j] += f[0, k] * c[k, j]
+            rows[1, j] += f[1, k] * c[k, j]
+    for k in range(HULL_STATES, len(c), 2):
+        for j in range(len(c)):
+            x, y = c[k, j], c[k + 1, j]
+            c[k, j], c[k + 1, j] = f[k, k] * x + f[k, k + 1] * y, f[k + 1, k] * x + f[k + 1, k + 1] * y
+    for j in range(len(c)):
+        c[0, j], c[1, j] = rows[0, j], rows[1, j]
+    for i in range(len(c)):
+        for j in range(i):
+            c[i, j], c[j, i] = c[j, i], c[i, j]
+
+
+def _noise_each(f: np.ndarray, stationary: np.ndarray, drift: np.ndarray, step: float) -> np.ndarray:
+    """Covariance (n, n) that a step adds, without the rows of angle and rate."""
+    noise, first = np.zeros(f.shape), HULL_STATES
     for i in range(len(stationary)):
         for j in range(len(stationary)):
-            covariance[HULL_STATES + i, HULL_STATES + j] += sign * stationary[i, j]
+            noise[first + i, first + j] = -stationary[i, j]
+    turn(f, noise)
+    turn(f, noise)
+    for i in range(len(stationary)):
+        for j in range(len(stationary)):
+            noise[first + i, first + j] += stationary[i, j]
+    for i in range(len(drift)):
+        for j in range(len(drift)):
+            noise[TRIM + i, TRIM + j] = step * drift[i, j]
+    return noise
 
 
-def _settle_at_once(covariance: np.ndarray, stationary: np.ndarray, sign: float) -> None:
-    covariance[HULL_STATES:, HULL_STATES:] += sign * stationary
-
-
-def _drive_each(f: np.ndarray, output: np.ndarray, mean: np.ndarray) -> float:
-    """Move the moment's mean over a step, in place: the moment, by half of its output (2 B,) before and after."""
-    held = 0.0
-    for k in range(HULL_STATES, len(mean), 2):
-        x, y = mean[k], mean[k + 1]
-        mean[k], mean[k + 1] = f[k, k] * x + f[k, k + 1] * y, f[k + 1, k] * x + f[k + 1, k + 1] * y
-        held += output[k - HULL_STATES] * (x + mean[k]) + output[k + 1 - HULL_STATES] * (y + mean[k + 1])
-    return held
-
-
-def _drive_at_once(f: np.ndarray, output: np.ndarray, mean: np.ndarray) -> float:
-    before = mean[HULL_STATES:].copy()
-    mean[HULL_STATES:] = f[HULL_STATES:, HULL_STATES:] @ before
-    return float(output @ (before + mean[HULL_STATES:]))
+def _noise_at_once(f: np.ndarray, stationary: np.ndarray, drift: np.ndarray, step: float) -> np.ndarray:
+    noise, moment = np.zeros(f.shape), f[HULL_STATES:, HULL_STATES:]
+    noise[HULL_STATES:, HULL_STATES:] = stationary - moment @ stationary @ moment.T
+    noise[OF_HULL, OF_HULL] = step * drift
+    return noise
 
 
 def _move_each(
-    f: np.ndarray, slopes: np.ndarray, output: np.ndarray, settled: np.ndarray, growth: tuple, covariance: np.ndarray
+    f: np.ndarray,
+    slopes: np.ndarray,
+    held: np.ndarray,
+    noise: np.ndarray,
+    driven: tuple,
+    mean: np.ndarray,
+    c: np.ndarray,
 ) -> None:
-    """Move a covariance (n, n), less the moment's stationary one, over a step, in place.
+    """Move the moment's mean (of the state, (n,)) and the covariance (n, n) over a step, in place.
 
-    Half of the moment's output (2 B,) acts at the start, by ``rows``, and half at the end, by ``end``; ``settled`` is
-    its product with the stationary covariance, ``growth`` has drift and step. The transition's zeros are skipped.
+    ``held`` (2 B,) is the output that acts on angle and rate, ``driven`` the covariance (n,) of the noise in it with
+    the state, and its variance.
     """
-    c, n, first = covariance, len(covariance), HULL_STATES
-    by_state, rows, end, of_end = np.empty((2, n)), np.zeros((2, n)), np.zeros(n), 0.0
+    n, first, (of_states, variance) = len(c), HULL_STATES, driven
     for i in range(2):
         for k in range(n):
-            by_state[i, k] = slopes[i, k] if k < first else slopes[i, first] * output[k - first]
-            for j in range(n):
-                rows[i, j] += by_state[i, k] * c[k, j]
-        for k in range(first, n):
-            rows[i, k] += slopes[i, first] * settled[k - first]
-    for i in range(2):
+            f[i, k] = slopes[i, k] if k < first else slopes[i, first] * held[k - first]
+    turn(f, c)
+    turn(f, c)
+    for i in range(n):
         for j in range(n):
-            c[i, j] = rows[i, j]
-    # f c f' as f (f c)' twice: pairs of columns, and a transposition without the rows of angle and rate
-    for start in (0, TRIM):
-        for k in range(first, n, 2):
-            a, b, d, e = f[k, k], f[k, k + 1], f[k + 1, k], f[k + 1, k + 1]
-            for i in range(start, n):
-                c[i, k], c[i, k + 1] = a * c[i, k] + b * c[i, k + 1], d * c[i, k] + e * c[i, k + 1]
-        for i in range(TRIM, n):
-            for j in range(TRIM, i):
-                c[i, j], c[j, i] = c[j, i], c[i, j]
-    drift, step = growth
-    for i in range(len(drift)):
-        for j in range(len(drift)):
-            c[TRIM + i, TRIM + j] += step * drift[i, j]
-    for i in range(2):
-        for j in range(2):
-            c[i, j] = 0.0
-            for k in range(n):
-                c[i, j] += rows[i, k] * by_state[j, k]
-        for k in range(first, n):
-            end[i] += output[k - first] * c[i, k]
-    for k in range(first, n):
-        end[k] += settled[k - first]
-        for j in range(TRIM, n):
-            end[j] += output[k - first] * c[k, j]
-    for k in range(first, n):
-        of_end += output[k - first] * end[k]
+            c[i, j] += noise[i, j]
     for i in range(2):
         gain = slopes[i, first]
+        for j in range(n):
+            c[i, j] += gain * of_states[j]
+            c[j, i] += gain * of_states[j]
         for j in range(2):
-            c[i, j] += gain * end[j] + slopes[j, first] * (end[i] + gain * of_end)
-        for j in range(TRIM, n):
-            c[i, j] += gain * end[j]
-            c[j, i] = c[i, j]
+            c[i, j] += gain * slopes[j, first] * variance
+    for k in range(first, n, 2):
+        x, y = mean[k], mean[k + 1]
+        mean[k], mean[k + 1] = f[k, k] * x + f[k, k + 1] * y, f[k + 1, k] * x + f[k + 1, k + 1] * y
 
 
 def _move_at_once(
-    f: np.ndarray, slopes: np.ndarray, output: np.ndarray, settled: np.ndarray, growth: tuple, covariance: np.ndarray
+    f: np.ndarray,
+    slopes: np.ndarray,
+    held: np.ndarray,
+    noise: np.ndarray,
+    driven: tuple,
+    mean: np.ndarray,
+    c: np.ndarray,
 ) -> None:
-    c, first, rest = covariance, HULL_STATES, slice(TRIM, None)
+    first, (of_states, variance) = HULL_STATES, driven
     gain = slopes[:, first:]
-    f[:2, :first], f[:2, first:] = slopes[:, :first], gain * output
-    rows = f[:2] @ c
-    rows[:, first:] += gain * settled
-    c[rest, rest] = f[rest, rest] @ c[rest, rest] @ f[rest, rest].T
-    c[:2] = rows @ f.T
-    c[:, :2] = c[:2].T
-    c[OF_HULL, OF_HULL] += growth[1] * growth[0]
-    end = output @ c[first:]
-    end[first:] += settled
-    c[:2] += gain * end
-    c[:2, :2] += (end[:2, None] + gain * (output @ end[first:])) * gain.T
-    c[rest, :2] = c[:2, rest].T
+    f[:2, :first], f[:2, first:] = slopes[:, :first], gain * held
+    mean[first:] = f[first:, first:] @ mean[first:]
+    c[:] = f @ c @ f.T + noise
+    c[:2, :2] += gain * gain.T * variance
+    c[:2] += gain * of_states
+    c[:, :2] += (gain * of_states).T
 
 
 inner = accelerated(_inner_each, np.dot)
-settle = accelerated(_settle_each, _settle_at_once)
-drive = accelerated(_drive_each, _drive_at_once)
+noise_of = accelerated(_noise_each, _noise_at_once)
 move = accelerated(_move_each, _move_at_once)
 
 
@@ -245,27 +243,26 @@ def predict(
     second.
     """
     blocks, output, stationary = moment
-    half, settled = np.empty(output.size), np.empty(output.size)
     means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
-    for k in range(output.size):
-        half[k], settled[k] = 0.5 * output[k], 0.5 * inner(output, stationary[k])
-    # what differs from the moment's stationary covariance dies out, and no noise need be added
-    settle(covariance, stationary, -1.0)
+    of_states, n = np.zeros(mean.size), mean.size
     for lead in range(durations.size):
         duration = durations[lead]
         count = max(1, math.ceil(duration / longest - 1e-6)) if duration > 0.0 else 0
         step = duration / max(1, count)
-        f = transition(blocks, step)
+        f, held = transition(blocks, output, step)
+        noise = noise_of(f, stationary, drift, step)
+        for k in range(HULL_STATES, n):
+            of_states[k] = 0.5 * inner(output, noise[k, HULL_STATES:])
+        driven = of_states, 0.5 * inner(output, of_states[HULL_STATES:])
         for _ in range(count):
-            held = drive(f, half, mean)
-            mean[0], mean[1], slopes = hull_step(mean, held, covariance[1, 1], step, hull)
-            move(f, slopes, half, settled, (drift, step), covariance)
+            mean_moment = inner(held, mean[HULL_STATES:])
+            mean[0], mean[1], slopes = hull_step(mean, mean_moment, covariance[1, 1], step, hull)
+            move(f, slopes, held, noise, driven, mean, covariance)
             limit(covariance)
         for i in range(2):
             means[lead, i] = mean[i]
             for j in range(2):
                 spreads[lead, i, j] = covariance[i, j]
-    settle(covariance, stationary, 1.0)
     return means, spreads
 
 

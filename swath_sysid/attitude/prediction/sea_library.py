@@ -208,7 +208,7 @@ def weighed(
     least, best, after = math.inf, -math.inf, count + reading.size * share
     weight, size = np.empty(len(mean)), np.empty(len(mean))
     for member in range(len(mean)):
-        variance, crossed, of_rate = moments[member]
+        variance, crossed, of_rate = moments[member, 0], moments[member, 1], moments[member, 2]
         error = reading[0] - mean[member, 0]
         square = error * error / variance
         if reading.size > 1:
@@ -222,7 +222,9 @@ def weighed(
         size[member] = max(told[member, 0] / after, LEAST_SIZE**2)
         weight[member] = TEMPER * (told[member, 1] - 0.5 * after * math.log(size[member]))
         best = max(best, weight[member])
-    return least, np.exp(weight - best), size
+    for member in range(len(mean)):
+        weight[member] = math.exp(weight[member] - best)
+    return least, weight, size
 
 
 class SeaLibrary:
