@@ -19,7 +19,7 @@ from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.cleaning import assemble_trial
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
-from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.intake import ConvertedReading, CraftSample
 from swath_sysid.attitude.motion.sensor_checks import Contradiction
 
 GRAVITY = 9.80665
@@ -137,7 +137,7 @@ def faults_live(simulated):
     yaw_rate = trial.channels.get('yaw_rate', unknown).tolist()
     check, found = InstallationCheck(Installation()), {}
     for stamp, row, turning in zip((trial.time * 1e9).astype(int).tolist(), rows, yaw_rate, strict=True):
-        check.add(CraftSample(stamp, *row, *[1e-6] * 4, 0.0, turning))
+        check.add(ConvertedReading(CraftSample(stamp, *row, *[1e-6] * 4, 0.0, turning), ()))
         found |= {each.code: each for each in check.judge()}
     return list(found.values())
 

@@ -77,9 +77,7 @@ class TankSide:
         return found
 
     def _take(self, each):
-        sample = self._intake.take(each).sample
-        if sample is not None:
-            self._check.add(sample)
+        self._check.add(self._intake.take(each))
         finished = self._window.add(each).finished
         for stream in (self._stream, self._buffer):
             stream.note_message(each.stamp_ns, self.stamp_ns, self.clock, self.clock)

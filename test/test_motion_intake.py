@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from imu_stream import EPOCH_NS, NOT_GIVEN, UNKNOWN, decay_stream, diagonal, reading
+from imu_stream import EPOCH_NS, GRAVITY, NOT_GIVEN, UNKNOWN, decay_stream, diagonal, reading
 from scipy.spatial.transform import Rotation
 
 from swath_sysid.attitude.motion import intake
@@ -130,6 +130,39 @@ def test_it_stays_so_while_the_craft_swings_and_is_named_only_where_it_is_claime
     assert all(isnan(sample.roll) for sample, _ in found[50:])
     named = [intake.BLANK_ORIENTATION in reasons for _, reasons in found[50:]]
     assert all(named) if covariance is UNKNOWN else not any(named)
+
+
+def repeating(readings, first, last, times=1):
+    """What remains of a sensor that sends each message so many times and hangs from one reading to another."""
+    held = readings[:first] + [readings[first]] * (last - first) + readings[last:]
+    sent = [each for each in held for _ in range(times)]
+    sensor = Intake(STRAIGHT, StampSettings())
+    return [
+        sensor.take(each._replace(stamp_ns=stamp)) for each, stamp in zip(sent, even(100, 20).tolist(), strict=False)
+    ]
+
+
+def swinging(step=0.0, size=0.1, force=GRAVITY):
+    """Ten seconds of a noisy sensor whose values are whole steps; its orientation is that of a craft at rest."""
+    noise = np.random.default_rng(3).normal(scale=1e-3, size=(1000, 3))
+    rates = size * np.sin(0.02 * np.arange(1000))[:, None] + noise
+    rates = step * np.round(rates / step) if step else rates
+    return [reading(0, 0.1)._replace(rates=tuple(rate), force=force) for rate in rates.tolist()]
+
+
+@pytest.mark.parametrize('force', [GRAVITY, (nan,) * 3])
+@pytest.mark.parametrize('times', [1, 2])
+@pytest.mark.parametrize('first', [40, 400])
+def test_a_sensor_that_repeats_itself_is_silent_until_it_goes_on(times, first, force):
+    left_out = [intake.FROZEN in reasons for _, reasons in repeating(swinging(force=force), first, 450, times)]
+    begins, ends = times * (first + 5), times * 450
+    assert all(left_out[begins:ends]) and not any(left_out[:begins] + left_out[ends:])
+
+
+@pytest.mark.parametrize(('readings', 'last'), [(swinging(), 404), (swinging(0.002, 0.0005), 1000), (swinging(), 0)])
+def test_short_repeats_and_a_coarse_sensor_at_rest_are_believed(readings, last):
+    found = repeating(readings, 400, last) if last else repeating([readings[0]] * 1000, 0, 0)
+    assert not any(intake.FROZEN in reasons for _, reasons in found) and found[-1].sample is not None
 
 
 def even(rate, duration, start=0.0):

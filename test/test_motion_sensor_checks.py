@@ -93,9 +93,7 @@ def named_by(readings, installation):
     """What a running sensor is found to contradict, judged once a second: code to (s until then, sentence)."""
     intake, check, found = Intake(installation, StampSettings()), InstallationCheck(installation), {}
     for k, reading in enumerate(readings):
-        sample = intake.take(reading).sample
-        if sample is not None:
-            check.add(sample)
+        check.add(intake.take(reading))
         if k % 10 == 0:
             for each in check.judge():
                 found.setdefault(each.code, (0.1 * k, each.message))

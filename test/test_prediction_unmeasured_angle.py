@@ -170,6 +170,12 @@ def test_an_angle_that_stands_still_while_the_craft_turns_goes_on_with_the_rate_
     assert np.abs(frozen - true[800:1200])[~lost].max() < math.radians(3.5) and lost[25:].all()
 
 
+def test_a_rate_that_is_repeated_with_its_angle_leads_nowhere():
+    assert np.all(followed(UnmeasuredAngle(WINDOW), np.full(400, 0.02), np.full(400, 0.2)) == 0.02)
+    twice = np.repeat(0.2 * np.cos(0.1 * np.arange(400)), 2)
+    assert np.isnan(followed(UnmeasuredAngle(WINDOW), np.full(800, 0.02), twice, 0.025)[100:]).all()
+
+
 @given(bias=st.floats(-0.03, 0.03), seed=st.integers(0, 99))
 def test_an_angle_at_rest_is_one_also_by_a_sensor_that_repeats_it(bias, seed):
     rates = bias + np.random.default_rng(seed).normal(scale=2e-3, size=2000)
@@ -184,6 +190,26 @@ def test_on_a_known_hull_angles_that_are_lost_or_freeze_are_forecast_by_the_rate
     errors, deviations = (values[10:] for values in forecasts_of(sea, KNOWN, roll=angle))
     assert np.all(np.sqrt(np.mean(errors**2, axis=0)) < of_complete_sensor + [0.1, 0.0, 0.0])
     assert np.all(np.mean(np.abs(errors) < 1.645 * deviations, axis=0) >= 0.9)
+
+
+def test_forecasts_of_a_sensor_that_repeats_itself_are_withdrawn_and_as_good_as_before_when_it_is_back(sea):
+    time, rng = sea.time - sea.time[0], np.random.default_rng(2)
+    angle, rate = sea.angle[:, 0] + rng.normal(scale=5e-4, size=time.size), sea.rate[:, 0]
+    rate = rate + rng.normal(scale=2e-3, size=time.size)
+    first, last = np.searchsorted(time, [70.0, 80.0])
+    hangs = np.where((np.arange(time.size) >= first) & (np.arange(time.size) < last), first, np.arange(time.size))
+    errors = {}
+    for name, rows in (('clean', np.arange(time.size)), ('hangs', hangs)):
+        trial = Trial(time, roll=angle[rows], roll_rate=rate[rows])
+        steps = run_through(trial, ForecasterSettings(LEADS, forecast_rate=2.0), KNOWN).steps
+        at = np.array([step.stamp for step in steps])
+        assert ((at > 70.5) & (at < 80.0)).any() == (name == 'clean')
+        later = [step for step in steps if 80.0 + 2.0 * HULL.natural_period < step.stamp < 105.0]
+        truth = np.interp(np.array([step.stamp for step in later])[:, None] + LEADS, time, sea.angle[:, 0])
+        errors[name] = np.sqrt(
+            np.mean((np.array([step.forecast.angle('roll') for step in later]) - truth) ** 2, axis=0)
+        )
+    assert np.all(errors['hangs'] < 1.1 * errors['clean'])
 
 
 def sample_with(**values):

@@ -132,6 +132,7 @@ class ForecastPipeline:
         What takes longer is left to `finish`, which must follow: in between, ``next`` can be published.
         """
         sample, reasons = converted
+        self.installation.add(converted)
         if BURSTS in reasons:
             self._begin_again()
         step = ForecastStep()
@@ -174,8 +175,6 @@ class ForecastPipeline:
 
     def finish(self, step: ForecastStep, wanted: Callable[[], Wanted] = Wanted) -> ForecastStep:
         """Complete a step of `begin` with the forecasts that are due, as far as they are ``wanted``."""
-        if step.sample is not None:
-            self.installation.add(step.sample)
         return self.forecaster.issue(step, wanted)
 
     def diagnostics(self) -> ForecasterDiagnostics:

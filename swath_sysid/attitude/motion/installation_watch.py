@@ -7,9 +7,10 @@ import numpy as np
 
 from swath_sysid.attitude.motion import sensor_checks
 from swath_sysid.attitude.motion.attitude import Installation
-from swath_sysid.attitude.motion.intake import NANOSECOND, CraftSample
+from swath_sysid.attitude.motion.intake import FROZEN, NANOSECOND, ConvertedReading, CraftSample
 from swath_sysid.attitude.motion.sensor_checks import GRAVITY_CODES, PARTS, RATE_CODES, Contradiction, Judgement
 from swath_sysid.attitude.motion.window import WindowSettings
+from swath_sysid.common.advice import CURES
 from swath_sysid.common.row_buffer import RowBuffer
 
 CONFIRMATIONS = 2  #: Successive judgements that must agree on a contradiction, or on its end.
@@ -26,12 +27,17 @@ class InstallationCheck:
         self._origin_ns = self._newest_ns = self._judged_ns = 0
         self._votes: dict[tuple[str, str | None], tuple[int, Contradiction]] = {}
         self._decided: frozenset[str] = frozenset()
+        self._repeated: tuple[Contradiction, ...] = ()
         self.contradictions: tuple[Contradiction, ...] = ()
         self.judgements = 0
 
-    def add(self, sample: CraftSample) -> None:
-        """Add one sample."""
-        stamp_ns = sample[0]
+    def add(self, converted: ConvertedReading) -> None:
+        """Add one message, as the intake has converted it."""
+        sample, reasons = converted
+        self._repeated = (Contradiction(FROZEN, CURES[FROZEN]),) if FROZEN in reasons else ()
+        if sample is None:
+            return
+        stamp_ns = sample.stamp_ns
         if not len(self._rows) or not 0 <= stamp_ns - self._newest_ns <= sensor_checks.FROZEN * 1e9:
             # after a silence, and after a clock that was set back
             self._rows.clear()
@@ -57,7 +63,7 @@ class InstallationCheck:
             self._weigh(judgement)
             self._decided = judgement.decided
             self.judgements += bool(judgement.decided)
-        return self.contradictions
+        return self._repeated + self.contradictions
 
     def _judgement(self) -> Judgement:
         """Of the last `WINDOW`, or of `WINDOW_BINS`, if that is longer."""

@@ -9,7 +9,7 @@ import numpy as np
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.cleaning import limit_of
-from swath_sysid.attitude.motion.sensor_checks import BlankOrientation
+from swath_sysid.attitude.motion.sensor_checks import BlankOrientation, RepeatedMessages
 from swath_sysid.attitude.motion.stamps import BURSTS, NANOSECOND, Bursts, StampOrder, StampSettings
 
 NOT_FINITE = 'not-finite'
@@ -22,6 +22,7 @@ ABSURD_COVARIANCE = 'absurd-covariance'
 NEAR_VERTICAL = 'near-vertical'
 BLANK_ORIENTATION = 'blank-orientation'
 EMPTY = 'nothing-usable'
+FROZEN = 'sensor-frozen'
 _PARTS = (
     NOT_FINITE,
     ABSURD,
@@ -32,8 +33,8 @@ _PARTS = (
     ABSURD_COVARIANCE,
     BLANK_ORIENTATION,
 )
-#: Everything that is counted; only the last two leave the whole sample out.
-INTAKE_REASONS = (*_PARTS, NEAR_VERTICAL, EMPTY)
+#: Everything that is counted; only the last three leave the whole sample out.
+INTAKE_REASONS = (*_PARTS, NEAR_VERTICAL, EMPTY, FROZEN)
 
 NOT_MEASURED = -1.0  #: First element of a covariance whose quantity the sensor does not measure (sensor_msgs/Imu).
 
@@ -195,6 +196,7 @@ class Intake:
         self._stamps = stamps
         self._order = StampOrder(stamps)
         self._bursts = Bursts()
+        self._repeated = RepeatedMessages()
         self._blank = BlankOrientation()
 
     @property
@@ -204,6 +206,9 @@ class Intake:
 
     def take(self, reading: ImuReading, arrival: float = nan) -> ConvertedReading:
         """Convert the next message, which came at a time of a steady clock, s; also reasons of `STAMP_REASONS`."""
+        # to all that follows, a sensor that repeats itself is silent
+        if self._repeated.add(reading.stamp_ns, reading.orientation, (*reading.rates, *reading.force)):
+            return ConvertedReading(None, (FROZEN,))
         spread_ns, has_begun = self._bursts.place(reading.stamp_ns, (*reading.orientation, *reading.rates))
         if has_begun:
             self._order = StampOrder(self._stamps)
@@ -222,6 +227,9 @@ class Intake:
 
     def place(self, sample: CraftSample) -> ConvertedReading:
         """Place the next sample of a record, which was cleaned and turned as a whole; reasons of `STAMP_REASONS`."""
+        _, roll, pitch, *others = sample[:8]
+        if self._repeated.add(sample.stamp_ns, (roll, pitch, sample.yaw), (*others, sample.yaw_rate)):
+            return ConvertedReading(None, (FROZEN,))
         placed, reasons, stamp_ns = self._order.place(sample.stamp_ns)
         if placed and all(value != value for value in sample[1:5]):
             return ConvertedReading(None, (*reasons, EMPTY))

@@ -4,6 +4,8 @@ Rates are compared with the slopes of their angles, and gravity with the attitud
 data decide it. A pure yaw misalignment cannot be detected: all channels rotate together.
 """
 
+import struct
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -35,6 +37,7 @@ WINDOW_BINS = 300
 MAX_STRETCHES = 20  #: Of a long record, over which they are spread; up to twice as many are judged.
 
 FROZEN = 5.0  #: s of fresh stamps with the same values.
+REPEATS = 5  #: Times as often as before a message is repeated where its sensor has frozen.
 IDENTITY = (0.0, 0.0, 0.0, 1.0)  #: Quaternion of no rotation.
 MIN_TURN = np.radians(3.0)  #: rad that the rates turn while the angles stand still; no angle is as coarse.
 GRAVITY_TOLERANCE = 0.2  #: Of gravity; consumer accelerometers are within a few percent.
@@ -200,11 +203,7 @@ def _repeats(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.
         return None
     since = 1 + int(np.flatnonzero(np.any(steps > 0.0, axis=1))[-1])
     if time[-1] - time[since] >= FROZEN and time.size - since >= MIN_BINS // 2:
-        before = steps[:since, 3:]  # the noise of rates and accelerations; angles that come alone may stand still
-        resolution = np.min(before, axis=0, where=before > 0.0, initial=np.inf)
-        # coarse values of a craft at rest change by one step, if at all
-        usual = np.median(before[-(MIN_BINS // 2) :], axis=0)
-        return _found('sensor-frozen', seconds=FROZEN) if np.any(usual > 1.5 * resolution) else []
+        return _found('sensor-frozen', seconds=FROZEN) if _resolves_motion(steps[:since, 3:]) else []
     still = min(int(np.searchsorted(time, time[-1] - FROZEN)), time.size - MIN_BINS // 2)
     if still <= 0:
         return []
@@ -214,6 +213,40 @@ def _repeats(time: np.ndarray, angles: np.ndarray, rates: np.ndarray, force: np.
     walk = np.sqrt(0.5 * np.mean(np.diff(rates, axis=0) ** 2, axis=0) * len(rates)) * step
     is_turning = np.any(turned > np.maximum(MIN_TURN, SIGNIFICANT * walk))
     return _found('angles-frozen', seconds=FROZEN) if angles_still and is_turning else []
+
+
+def _resolves_motion(steps: np.ndarray) -> bool:
+    """Whether changes (N, 6) of rates and accelerations exceed one step of the sensor, as those of a coarse one at rest
+    do not. Angles that come alone may stand still.
+    """
+    resolution = np.min(steps, axis=0, where=steps > 0.0, initial=np.inf)
+    return bool(np.any(np.median(steps[-(MIN_BINS // 2) :], axis=0) > 1.5 * resolution))
+
+
+class RepeatedMessages:
+    """Notices a sensor that repeats its last message with fresh stamps."""
+
+    def __init__(self) -> None:
+        self._stamp_ns, self._bytes, self._run, self._is_frozen = 0, b'', 0, False
+        self._past: deque[tuple[Sequence[float], int]] = deque(maxlen=WINDOW_BINS)  # values, and their repeats
+
+    def add(self, stamp_ns: int, angles: Sequence[float], others: Sequence[float]) -> bool:
+        """Add the orientation of a message, and its rates and accelerations (6,); whether it is one repeat too many."""
+        if stamp_ns == self._stamp_ns:
+            return self._is_frozen
+        self._stamp_ns = stamp_ns
+        # bitwise, also where not a number
+        packed = struct.pack(f'{len(angles) + 6}d', *angles, *others)
+        if packed != self._bytes:
+            self._bytes, self._is_frozen = packed, False
+            self._past.append((others, self._run))
+            self._run = 0
+            return False
+        self._run += 1
+        if self._run == REPEATS * (1 + max(run for _, run in self._past)):
+            steps = np.abs(np.diff([values for values, _ in self._past], axis=0))
+            self._is_frozen = len(steps) > 0 and _resolves_motion(steps)
+        return self._is_frozen
 
 
 class BlankOrientation:

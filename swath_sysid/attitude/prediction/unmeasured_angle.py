@@ -78,8 +78,8 @@ class UnmeasuredAngle:
         self.level, self.level_variance = 0.0, LEVEL_STD**2  #: rad and its square.
         self._window, self._since = window, math.inf
         self._is_absent, self._newest = True, math.nan
-        self._told = math.nan
-        self._still = self._turned = self._certain = 0.0  # s, rad, s
+        self._told = self._told_rate = math.nan
+        self._still = self._turned = self._certain = self._repeated = 0.0  # s, rad, s, s
         self._angle_time, self._rate = 0.0, RunningMean()
 
     def know_level(self, level: float, variance: float) -> None:
@@ -122,12 +122,15 @@ class UnmeasuredAngle:
         has led to: what follows it has taken the other one for true.
         """
         if angle != self._told:
-            self._told = angle
-            self._still = self._turned = self._certain = 0.0
+            self._told, self._told_rate = angle, rate
+            self._still = self._turned = self._certain = self._repeated = 0.0
             return angle
         self._still += elapsed
-        if rate == rate:
-            self._turned += elapsed * (rate - self.bias)
+        self._repeated += elapsed
+        # a rate that is itself repeated tells nothing
+        if rate == rate != self._told_rate:
+            self._turned += self._repeated * (rate - self.bias)
+            self._told_rate, self._repeated = rate, 0.0
         doubt = self._still * (self.bias_variance * self._still + rate_variance * elapsed)
         if not self._certain and not self._turned**2 > MIN_TURN**2 + THREE_STD**2 * doubt:
             return angle
