@@ -485,9 +485,9 @@ MEASURED = ['records/kvlcc2_roll_decay.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pit
 
 
 @pytest.mark.parametrize('path', MEASURED)
-def test_measured_decays_are_adequate(path, data_folder):
+def test_measured_decays_are_adequate(path, request):
     is_roll = 'kvlcc2' in path
-    place = ROOT / path if path.startswith('records') else data_folder / 'decay' / path
+    place = ROOT / path if path.startswith('records') else request.getfixturevalue('data_folder') / 'decay' / path
     equation = 'b1,b3|r1,r3' if is_roll else 'b0,b1,b2|r1,r2,r3'
     motion = read_trial(place).axis('roll' if is_roll else 'pitch')
     verdict = identify([motion], IdentificationSettings(equation)).verdict
