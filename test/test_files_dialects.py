@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
 
-EXAMPLES = int(os.environ.get('SWATH_SYSID_DIALECTS', '60'))
+EXAMPLES = int(os.environ.get('SWATH_SYSID_DIALECTS', '30'))
 STEP = 0.02
 TIME = STEP * np.arange(1500)
 ROLL = 12.0 * np.exp(-0.1 * TIME) * np.cos(2.5 * TIME) - 0.5
@@ -228,6 +228,7 @@ FIELD = {
 }
 
 
+@pytest.mark.long
 def test_files_of_owners_hold_the_motion_that_was_measured(data_folder):
     folder = data_folder.parent / 'field'
     if not folder.is_dir():

@@ -186,6 +186,7 @@ def test_a_record_that_will_not_do_is_refused_in_one_sentence(linear_motion):
         identify_at_sea([])
 
 
+@pytest.mark.long
 def test_calm_before_the_waves_is_left_out(linear_motion):
     count = int(0.6 * linear_motion.size)
     noise = np.random.default_rng(5).normal(size=(2, count)) * [[1e-3], [1.65e-2]]
@@ -432,6 +433,7 @@ def test_the_status_reports_a_changed_stiffness_within_minutes():
     assert 'hull-changed' in report.codes and report.level == WARN and 'less stiffness' in report.message
 
 
+@pytest.mark.long
 def test_a_release_is_the_prior_of_a_short_record(turned):
     motion = measured(turned[0]).between(None, 200.0)
     held = IdentifiedModel.exactly(SMALL)

@@ -156,6 +156,7 @@ def test_values_without_a_run_against_fits_without_it(bound, monkeypatch):
     assert np.max(np.abs(found - best)) < 0.1 * np.max(np.abs(np.array(expected) - best))
 
 
+@pytest.mark.long
 def test_what_one_run_alone_determines_has_no_scatter_between_runs(force_runs):
     """Only the mixed run turns: without it yaw is not known at all, which says nothing of how well the run tells it."""
     runs = {run.source: run for run in force_runs}
@@ -167,6 +168,7 @@ def test_what_one_run_alone_determines_has_no_scatter_between_runs(force_runs):
         assert 'uncertain' not in found.derivatives[name].flags
 
 
+@pytest.mark.long
 def test_a_straight_run_validates_no_turns(force_runs):
     """Its sway and yaw are sensor noise, which no model explains and any may claim to; a model that turns is told."""
     runs = {run.source: run for run in force_runs}
