@@ -126,6 +126,7 @@ def test_a_forecast_is_of_its_stamp_where_the_stamps_of_even_samples_jitter(with
     assert (a < 1.2 * b).all(), a / b
 
 
+@pytest.mark.long
 def test_jitter_at_a_rate_between_two_numbers_of_samples_per_row_forgets_nothing():
     """Two samples of 25 Hz are as far from a row's time as three."""
     time = clock(25.0, 60.0)
@@ -159,7 +160,7 @@ def counted(time, stamps):
     return {reason: count for reason, count in pipeline.counts.items() if count}
 
 
-@pytest.mark.parametrize('rate', [10.0, 50.0])
+@pytest.mark.parametrize('rate', [10.0, pytest.param(50.0, marks=pytest.mark.long)])
 def test_what_is_lost_is_counted_exactly(rate):
     """One in twenty at random, of a clock whose stamps jitter by a twentieth of an interval."""
     time = clock(rate, 2000.0 / rate)
@@ -173,7 +174,7 @@ def test_what_is_lost_is_counted_exactly(rate):
         assert counts.get('lost-sample') == is_lost.sum()
 
 
-@pytest.mark.parametrize('rate', [10.0, 50.0])
+@pytest.mark.parametrize('rate', [pytest.param(10.0, marks=pytest.mark.long), 50.0])
 def test_a_swapped_neighbour_comes_late_and_is_not_lost(rate):
     """Of a fifth of the samples."""
     time = clock(rate, 2000.0 / rate)
@@ -191,7 +192,9 @@ def test_a_stamp_that_is_late_by_most_of_an_interval_is_none_lost():
     assert counted(time, time + late) == {}
 
 
-@pytest.mark.parametrize('shift', [0.5, 5.0, -1000.0, 31536000.0])
+@pytest.mark.parametrize(
+    'shift', [0.5, -1000.0, *(pytest.param(shift, marks=pytest.mark.long) for shift in (5.0, 31536000.0))]
+)
 def test_a_motion_that_goes_on_while_its_clock_is_set_is_forecast_as_before(run_on, steady, shift):
     steps = run_on(SEA.samples(TIME, EPOCH + TIME + np.where(TIME < 60.0, 0.0, shift)))
     counts = Counter(reason for step in steps[UNTOUCHED:] for reason in step.reasons)
@@ -202,7 +205,7 @@ def test_a_motion_that_goes_on_while_its_clock_is_set_is_forecast_as_before(run_
     assert (after[1:] < 1.2 * without[1:]).all(), after / without
 
 
-@pytest.mark.parametrize('shift', [-0.3, -0.5])
+@pytest.mark.parametrize('shift', [pytest.param(-0.3, marks=pytest.mark.long), -0.5])
 def test_a_clock_that_is_set_back_by_a_few_intervals_is_followed(run_on, steady, shift):
     """The stamps may overlap so that the messages look late until one is in order again."""
     steps = run_on(SEA.samples(TIME, EPOCH + TIME + np.where(TIME < 60.0, 0.0, shift)))
@@ -242,7 +245,7 @@ def test_diagnostics_say_so_until_the_waves_are_learnt():
     np.testing.assert_allclose(np.nansum(diagnostics.weights, axis=0), 1.0, atol=1e-9)
 
 
-@pytest.mark.parametrize(('rate', 'slower'), [(100.0, 1.0), (10.0, 10.0)])
+@pytest.mark.parametrize(('rate', 'slower'), [(100.0, 1.0), pytest.param(10.0, 10.0, marks=pytest.mark.long)])
 def test_nothing_is_learnt_of_waves_from_a_craft_that_is_leaned_over_and_held(rate, slower):
     """It has hardly moved: a state space fitted to that holds its angle for the level."""
     rng, time = np.random.default_rng(4), np.arange(0.0, 12.0 * slower, 1.0 / rate)
