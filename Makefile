@@ -52,7 +52,8 @@ clean:
 	rm -rf $(VENV) build install log dist out *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-$(READY): setup.py package.xml
+# $(EXTRAS) into $(VENV), which is made first where it is not there
+define INSTALL
 	@$(PYTHON) -c '$(SUITABLE)' 2>/dev/null \
 	  || { echo '$(PYTHON) is not Python 3.11 or 3.12 with its venv module: install one (apt install python3-venv),' \
 	    'or name it (make PYTHON=python3.12)' >&2; exit 1; }
@@ -60,9 +61,15 @@ $(READY): setup.py package.xml
 	@rm -f $(VENV)/ready-*
 	@test -x $(BIN)/python$(PYTHON_VERSION) || $(PYTHON) -m venv --clear $(VENV)
 	@# what nothing imports need not be compiled: half of the processor time
-	@$(BIN)/python -m pip install -qq --no-compile --editable '.[ros,fast]'
-	@touch $@
+	@$(BIN)/python -m pip install -qq --no-compile --editable '.[$(EXTRAS)]'
+	@touch $(READY) $@
+endef
 
-$(TESTS_READY): $(READY)
-	@$(BIN)/python -m pip install -qq --editable '.[ros,fast,test]'
-	@touch $@
+$(READY): EXTRAS = ros,fast
+$(READY): setup.py package.xml
+	$(INSTALL)
+
+# in one go where nothing is there yet
+$(TESTS_READY): EXTRAS = ros,fast,test
+$(TESTS_READY): setup.py package.xml
+	$(INSTALL)

@@ -5,6 +5,8 @@ from pathlib import Path
 from swath_sysid.common.wings import wings
 
 ROOT = Path(__file__).resolve().parents[1]
+#: the measured records that ship
+RECORDS = ROOT / 'records'
 ABSENT = {'tank', 'manoeuvring'} - {wing.name for wing in wings()}
 
 

@@ -26,6 +26,21 @@ def sea_forecasts(benchmark_module):
     return benchmark_module('sea_forecasts')
 
 
+def test_mutants_change_one_operator_constant_or_condition_of_a_function(benchmark_module, tmp_path):
+    mutants, path = benchmark_module('mutants'), tmp_path / 'module.py'
+    path.write_text("LIMIT = 3\n\n\ndef kept(x, y):\n    if x < y and y:\n        return f'{x + y}', x - 2 * y\n")
+    before, found = path.read_text(), mutants.mutants_of(path)
+    after = {mutants.with_change(before, mutant).partition('    if ')[2] for mutant in found}
+    condition, result = 'x < y and y', "f'{x + y}', x - 2 * y"
+    assert after == {
+        *(f'{new}:\n        return {result}\n' for new in ('(not (x < y and y))', '(x < y or y)', '(x <= y) and y')),
+        *(
+            f"{condition}:\n        return f'{{x + y}}', {new}\n"
+            for new in ('(x + 2 * y)', 'x - (2 / y)', 'x - (3) * y')
+        ),
+    }
+
+
 # -- measured records
 
 

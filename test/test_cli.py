@@ -261,7 +261,9 @@ def test_a_verb_ends_in_its_conclusion_which_quiet_leaves_and_reads_standard_inp
     assert first.startswith('roll: ') and 'of the error of' in first and last.startswith('valid lead')
 
 
-@pytest.mark.parametrize(('limit', 'why'), [(90.0, 'never left'), (1e-6, 'never kept')])
+@pytest.mark.parametrize(
+    ('limit', 'why'), [(1e-6, 'never kept'), pytest.param(90.0, 'never left', marks=pytest.mark.long)]
+)
 def test_a_calm_that_never_changes_is_not_scored(limit, why, capsys):
     record = str(share_folder() / 'records' / 'kvlcc2_roll_decay.csv')
     assert main(['forecast', record, '--leads', '0.5', '--axis', 'roll', '--quiet-deg', f'{limit},{limit}']) == 0

@@ -165,6 +165,7 @@ def test_without_ros_the_measured_sea_is_offered(tmp_path, monkeypatch, capsys):
     assert 'needs none: --only sea' in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.dds
 def test_a_signal_ends_the_demonstration_and_its_processes(tmp_path):
     pytest.importorskip('rclpy', reason='the demonstration needs ROS 2')

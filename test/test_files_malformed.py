@@ -190,12 +190,13 @@ def is_true(name, path):
     return whole and np.count_nonzero(differing) <= changed
 
 
-def test_each_is_refused_warned_of_or_right(malformed, capsys):
+@pytest.mark.parametrize('first', [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2, 3))])
+def test_each_is_refused_warned_of_or_right(first, malformed, capsys):
     assert len(malformed) >= 180
     outcomes, silent = {'refused': 0, 'warned': 0, 'right': 0}, []
     folder = next(iter(malformed.values())).parent
     there = sorted(folder.iterdir())
-    for name, path in malformed.items():
+    for name, path in list(malformed.items())[first::4]:
         began = time.process_time()
         code = main(['inspect', str(path), '--json'])
         out, error = capsys.readouterr()
@@ -213,7 +214,7 @@ def test_each_is_refused_warned_of_or_right(malformed, capsys):
             outcomes['right'] += 1
     assert not silent
     assert sorted(folder.iterdir()) == there
-    assert min(outcomes.values()) >= 15
+    assert min(outcomes.values()) >= 4
 
 
 def test_memory_stays_small(malformed, capsys):

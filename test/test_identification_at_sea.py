@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -94,12 +95,10 @@ def test_derivatives_of_a_motion_are_exact(missing):
     assert sea.peak == pytest.approx(1.7, rel=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     'peak_ratio, by_slope, seed',
-    [
-        (0.7, False, 1),
-        pytest.param(1.5, True, 2, marks=pytest.mark.long),
-    ],
+    [(0.7, False, 1), (1.5, True, 2)],
 )
 def test_a_sea_that_hides_the_published_roll_hull_is_said_to(peak_ratio, by_slope, seed):
     sea = known_sea(ROLL, [seed], peak_ratio, np.radians(1.2), 600.0, by_slope=by_slope)
@@ -129,7 +128,7 @@ def test_what_is_told_of_a_linear_hull(found):
     assert back.amplitude_range == (pytest.approx(found.amplitude),) * 2
 
 
-@pytest.mark.parametrize('faster, larger', [(10.0, 1.0), (0.2, 1.0), (1.0, -1.0), (1.0, 0.01)])
+@pytest.mark.parametrize('faster, larger', [(10.0, -1.0), (0.2, 0.01)])
 def test_units_of_time_and_angle_do_not_matter(linear_motion, found, faster, larger):
     motion = larger * linear_motion.angle, larger * faster * linear_motion.rate
     other = identify_at_sea(AxisMotion('roll', linear_motion.time / faster, *motion))
@@ -140,14 +139,14 @@ def test_units_of_time_and_angle_do_not_matter(linear_motion, found, faster, lar
 
 def test_less_information_gives_more_uncertainty(found):
     # long waves: what little there is near the natural period could be the sea's own
-    far = identify_at_sea(measured(known_sea(LINEAR, [4], 5.0, np.radians(1.0), 900.0, by_slope=True)))
+    far = identify_at_sea(measured(known_sea(LINEAR, [4], 5.0, np.radians(1.0), 400.0, by_slope=True)))
     assert far.natural_period_std > 1.5 * found.natural_period_std and not far.is_usable
     assert far.natural_period == pytest.approx(LINEAR.natural_period, abs=3.0 * far.natural_period_std)
     assert 'sea-hides-hull' in {a.code for a in far.advice}
 
 
 def test_heave_tells_two_seas_apart():
-    rng, time = np.random.default_rng(11), np.arange(0.0, 1200.0, 0.1)
+    rng, time = np.random.default_rng(11), np.arange(0.0, 600.0, 0.1)
     frequency = np.sort(rng.uniform(0.4, 8.0, 500))
     spectrum = jonswap(frequency, 0.75, 5.0) + 0.4 * jonswap(frequency, 1.9, 2.0)
     amplitude = np.sqrt(spectrum * 7.6 / 500.0)
@@ -187,6 +186,7 @@ def test_a_record_that_will_not_do_is_refused_in_one_sentence(linear_motion):
         identify_at_sea([])
 
 
+@pytest.mark.long
 def test_calm_before_the_waves_is_left_out(linear_motion):
     count = int(0.6 * linear_motion.size)
     noise = np.random.default_rng(5).normal(size=(2, count)) * [[1e-3], [1.65e-2]]
@@ -259,6 +259,7 @@ def test_the_command_line_refuses_with_a_sentence(sea_file, capsys, arguments, s
     assert sentence in capsys.readouterr().err.strip().splitlines()[-1]
 
 
+@pytest.mark.long
 def test_a_hull_that_is_known_too_poorly_is_told_but_not_written(sea_file, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr('swath_sysid.attitude.identification.at_sea.UNCERTAIN', 1e-3)
     model = tmp_path / 'model.yaml'
@@ -269,6 +270,7 @@ def test_a_hull_that_is_known_too_poorly_is_told_but_not_written(sea_file, tmp_p
     assert main([*command, '--force']) == 0 and model.exists()
 
 
+@pytest.mark.long
 def test_thirds_of_a_measured_record_agree(data_folder):
     trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd')
     thirds = [identify_at_sea(trial.between(600.0 * k, 600.0 * (k + 1)), axis='pitch') for k in range(3)]
@@ -308,27 +310,29 @@ def turned():
 
 @pytest.fixture(scope='module')
 def alone(turned):
-    """What each of these seas tells by itself."""
-    return [identify_at_sea(measured(sea)) for sea in turned]
+    """What one of these seas tells by itself."""
+    return cache(lambda k: identify_at_sea(measured(turned[k])))
 
 
-def test_a_hull_is_found_in_seas_from_two_headings(turned, alone):
-    for found, (period, damping) in zip(alone, map(equivalent, turned), strict=True):
-        assert found.is_usable and found.natural_period == pytest.approx(period, rel=0.03)
-        assert abs(found.natural_period - period) < 2.5 * found.natural_period_std
-        assert abs(found.damping_ratio - damping) < 2.5 * found.damping_ratio_std
+@pytest.mark.parametrize('k', [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))])
+def test_a_hull_is_found_in_seas_from_two_headings(turned, alone, k):
+    found, (period, damping) = alone(k), equivalent(turned[k])
+    assert found.is_usable and found.natural_period == pytest.approx(period, rel=0.03)
+    assert abs(found.natural_period - period) < 2.5 * found.natural_period_std
+    assert abs(found.damping_ratio - damping) < 2.5 * found.damping_ratio_std
 
 
 @pytest.mark.long
 def test_several_records_know_the_hull_better_than_one(turned, alone, tmp_path):
     found = identify_at_sea([measured(sea) for sea in turned])
-    assert found.natural_period_std < 0.75 * np.mean([each.natural_period_std for each in alone])
+    assert found.natural_period_std < 0.75 * np.mean([alone(k).natural_period_std for k in range(3)])
     assert abs(found.natural_period - np.mean([equivalent(sea)[0] for sea in turned])) < 2.5 * found.natural_period_std
     assert len(found.motions) == 3 and len(found.spectra) == 6
     write_model(tmp_path / 'hull.yaml', found)
     assert is_at_sea(read_model(tmp_path / 'hull.yaml')['roll'])
 
 
+@pytest.mark.long
 def test_a_peak_of_the_waves_is_no_hull():
     swell = known_sea(LINEAR, [5], 2.0, np.radians(2.0), 600.0, gamma=60.0)
     found = identify_at_sea(measured(swell))
@@ -337,6 +341,7 @@ def test_a_peak_of_the_waves_is_no_hull():
     assert abs(found.natural_period - LINEAR.natural_period) < 2.0 * found.natural_period_std
 
 
+@pytest.mark.long
 def test_records_that_disagree_are_not_usable(turned):
     slower = replace(measured(turned[1]), time=1.25 * turned[1].time, rate=None)
     found = identify_seas([SeaRecord(replace(measured(turned[0]), rate=None)), SeaRecord(slower)], searched=True)
@@ -366,7 +371,10 @@ def watched(model, *motions):
     return watch
 
 
-@pytest.mark.parametrize('slower, damped', [(1.0, 1.0), (1.13, 1.0), (0.87, 1.0), (1.0, 2.0)])
+@pytest.mark.parametrize(
+    'slower, damped',
+    [(1.0, 1.0), (1.13, 1.0), *(pytest.param(*each, marks=pytest.mark.long) for each in ((0.87, 1.0), (1.0, 2.0)))],
+)
 def test_a_changed_hull_is_told_and_no_other(turned, slower, damped):
     motion, (period, damping) = measured(turned[0]), equivalent(turned[0])
     motion = replace(motion, time=motion.time * slower, rate=motion.rate / slower)
@@ -425,6 +433,7 @@ def test_the_status_reports_a_changed_stiffness_within_minutes():
     assert 'hull-changed' in report.codes and report.level == WARN and 'less stiffness' in report.message
 
 
+@pytest.mark.long
 def test_a_release_is_the_prior_of_a_short_record(turned):
     motion = measured(turned[0]).between(None, 200.0)
     held = IdentifiedModel.exactly(SMALL)

@@ -279,6 +279,7 @@ def test_the_likelihood_takes_waves_for_waves_and_least_squares_stays_where_it_l
     assert found.verdict.level != 'adequate'
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_hull_that_its_upright_position_throws_off_does_not_widen_the_stiffness():
     # of this record such a hull, swinging 20 deg from there, is nearly as likely
@@ -289,6 +290,7 @@ def test_a_hull_that_its_upright_position_throws_off_does_not_widen_the_stiffnes
     assert abs(found.model.terms['s1'] - hull.terms['s1']) < 3.0 * found.std['s1']
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_many_records_have_an_uncertainty():
     """The determinant of the covariance of fifty parameters is below the smallest number."""

@@ -77,6 +77,7 @@ def plain():
     return identify([decay()], settings())
 
 
+@pytest.mark.long
 def test_a_hand_that_lifts_the_craft_again_is_no_motion_of_the_decay_before():
     hull = hull_named('swath-roll').model
     angles = enumerate((0.12, 0.05))
@@ -124,7 +125,9 @@ def test_one_step_objective_is_told_to_be_biased():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('search', [{'algorithm': 'ga', 'seed': 8}, {'algorithm': 'pso'}])
+@pytest.mark.parametrize(
+    'search', [{'algorithm': 'pso'}, pytest.param({'algorithm': 'ga', 'seed': 8}, marks=pytest.mark.long)]
+)
 def test_every_search_and_seed_ends_in_the_same_minimum(search, plain):
     other = identify([decay()], settings(search=search))
     assert other.objective_value == pytest.approx(plain.objective_value, rel=1e-8)
@@ -132,7 +135,12 @@ def test_every_search_and_seed_ends_in_the_same_minimum(search, plain):
 
 
 @pytest.mark.parametrize(
-    ('late', 'share', 'scale'), [('angle', 0.04, 1.0), ('rate', 0.04, 0.1), ('angle', 0.01, 0.1), ('rate', 0.0, 1.0)]
+    ('late', 'share', 'scale'),
+    [
+        ('angle', 0.04, 1.0),
+        ('rate', 0.0, 1.0),
+        *(pytest.param(*case, marks=pytest.mark.long) for case in (('rate', 0.04, 0.1), ('angle', 0.01, 0.1))),
+    ],
 )
 def test_a_channel_that_comes_late_is_moved_and_told_of(late, share, scale, tmp_path, capsys):
     hull = DecayModel.of(b1=0.3 / scale, b2=1.0, r1=9.0 / scale**2, axis='roll')
@@ -151,7 +159,7 @@ def test_a_channel_that_comes_late_is_moved_and_told_of(late, share, scale, tmp_
     assert found['natural_period_s'] == pytest.approx(hull.natural_period, rel=0.003)
 
 
-@pytest.mark.parametrize(('scale', 'sign'), [(0.1, -1.0), (10.0, 1.0)])
+@pytest.mark.parametrize(('scale', 'sign'), [(0.1, -1.0), pytest.param(10.0, 1.0, marks=pytest.mark.long)])
 def test_an_angle_that_a_first_order_filter_delays_is_unfiltered(scale, sign):
     hull = DecayModel.of(b1=0.3 / scale, b2=1.0, r1=9.0 / scale**2, axis='roll')
     noise = SensorNoise(5e-4, 5e-4 / scale)
@@ -212,6 +220,7 @@ def test_progress_and_cancelling():
         identify([decay()], settings(), should_cancel=lambda: len(shares) > 0)
 
 
+@pytest.mark.long
 def test_a_containing_equation_never_fits_worse():
     chosen = settings(objective='one-step', search={'generations': 40, 'population': 30})
     fits = [r.identification for r in compare(prepare([decay(3)]), equations_of_axis('pitch'), chosen).ranked]
@@ -221,6 +230,7 @@ def test_a_containing_equation_never_fits_worse():
         assert larger.objective_value <= smaller.objective_value * (1 + 1e-9)
 
 
+@pytest.mark.long
 def test_a_doubtful_equation_is_not_chosen_while_another_is_adequate():
     problem = prepare([decay(noise=SensorNoise(1e-4, 1e-3))])
     adequate, doubtful = (identify_problem(problem, settings(name)) for name in ('swath-pitch-2', 'swath-pitch-9'))
@@ -273,6 +283,7 @@ def test_bad_choices_are_named():
             choose()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_measured_rolls_of_a_tanker_at_speed_and_at_rest_from_any_seed(data_folder):
     speed, rest = (read_trial(data_folder / f'decay/kvlcc2/{n}.csv').axis('roll') for n in ('run3_15kn', 'run2_0kn'))
@@ -283,6 +294,7 @@ def test_measured_rolls_of_a_tanker_at_speed_and_at_rest_from_any_seed(data_fold
     assert identify([rest], settings('linear')).r2 == pytest.approx(0.993, abs=0.001)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_measured_pitch_of_nine_releases_jointly_needs_friction(data_folder):
     motions = [read_trial(p).axis('pitch') for p in sorted((data_folder / 'decay/foswec').glob('*.csv'))]
@@ -295,6 +307,7 @@ def test_measured_pitch_of_nine_releases_jointly_needs_friction(data_folder):
     assert rig.model.terms['b2'] > 3 * rig.std['b2']
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_measured_repeats_of_a_release_differ_by_as_much_as_every_stated_error_allows_for(data_folder):
     misses = []
@@ -372,7 +385,7 @@ def test_terms_that_are_not_there_go_and_the_others_stay():
     assert [n for n, kept in zip(GENERAL_HULL.terms, pruned.kept, strict=True) if kept] == ['b1', 'b3', 'r1', 'r2']
 
 
-@pytest.mark.parametrize('name', ['swath-roll', 'hydrofoil-pitch'])
+@pytest.mark.parametrize('name', ['swath-roll', pytest.param('hydrofoil-pitch', marks=pytest.mark.long)])
 def test_the_next_release_of_a_published_hull_is_reproduced(name):
     hull = PUBLISHED_HULLS[name]
     trial = simulated_trial(hull.model, np.radians(6.0), 20.0, 100.0, SensorNoise(rate=hull.rate_noise), 1, hold=1.0)
@@ -387,6 +400,7 @@ def test_the_next_release_of_a_published_hull_is_reproduced(name):
     assert found.identified_model({}).posterior == found.posterior
 
 
+@pytest.mark.long
 def test_the_smoothing_of_friction_does_not_lower_the_damping_at_small_amplitudes():
     """Of a hull that friction stops: its loss, 4 b0 a a cycle, is known to the last swing."""
     hull = DecayModel.of(b0=0.06, b1=0.1, r1=9.87, friction_rate=1e-4, axis='roll')
@@ -400,7 +414,7 @@ def test_the_smoothing_of_friction_does_not_lower_the_damping_at_small_amplitude
     assert of_found == pytest.approx(of_hull, rel=0.02)
 
 
-@pytest.mark.parametrize('measured', ['angle', 'angle and rate'])
+@pytest.mark.parametrize('measured', ['angle', pytest.param('angle and rate', marks=pytest.mark.long)])
 def test_friction_is_found_and_left_out_where_there_is_none(measured):
     equation = EQUATIONS['odd-cubic+friction']
     for friction in (0.03, 0.0):
@@ -485,9 +499,9 @@ MEASURED = ['records/kvlcc2_roll_decay.csv', 'kvlcc2/run3_15kn.csv', 'foswec/pit
 
 
 @pytest.mark.parametrize('path', MEASURED)
-def test_measured_decays_are_adequate(path, data_folder):
+def test_measured_decays_are_adequate(path, request):
     is_roll = 'kvlcc2' in path
-    place = ROOT / path if path.startswith('records') else data_folder / 'decay' / path
+    place = ROOT / path if path.startswith('records') else request.getfixturevalue('data_folder') / 'decay' / path
     equation = 'b1,b3|r1,r3' if is_roll else 'b0,b1,b2|r1,r2,r3'
     motion = read_trial(place).axis('roll' if is_roll else 'pitch')
     verdict = identify([motion], IdentificationSettings(equation)).verdict
@@ -596,7 +610,7 @@ def test_the_verdict_says_to_which_side_its_error_holds(found, monkeypatch, othe
     assert verdict.level == (DOUBTFUL if other_side > 0.5 else ADEQUATE)
 
 
-@pytest.mark.parametrize(('start', 'end'), [(16.2, 34.0), (15.0, None)])
+@pytest.mark.parametrize(('start', 'end'), [(16.2, 34.0), pytest.param(15.0, None, marks=pytest.mark.long)])
 def test_bounds_that_take_in_a_hold_are_answered_with_the_time_of_the_release(start, end):
     held = decay(3, hull_named('swath-roll').model, 6.0, 30.0, hold=19.0)
     fit = identify([held], IdentificationSettings(start=start, end=end))
@@ -623,7 +637,7 @@ def test_a_motion_that_no_hull_follows_is_refused(monkeypatch):
     assert refused.value.code == 'runaway'
 
 
-@pytest.mark.parametrize('seed', [1, 4, 5])
+@pytest.mark.parametrize('seed', [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (4, 5))])
 def test_a_hull_that_capsizes_to_one_side_is_doubtful_until_it_was_released_there(seed):
     hull = hull_named('swath-roll').model
     large, small = decay(seed, hull, 8.0), decay(10 + seed, hull, -6.0)
@@ -659,7 +673,7 @@ def test_the_restoring_moment_vanishes_to_one_side():
     assert np.isnan(vanishing_angle(softening, 1.0))
 
 
-@pytest.mark.parametrize('equation', ['swath-pitch-2', 'swath-roll-3'])
+@pytest.mark.parametrize('equation', ['swath-pitch-2', pytest.param('swath-roll-3', marks=pytest.mark.long)])
 def test_the_period_of_small_motions_has_the_scatter_that_its_standard_deviation_states(equation):
     hull = published_ratios_for(equation_named(equation))
     fits = [identify([decay(seed, hull)], settings(equation)) for seed in range(1, 9)]

@@ -137,12 +137,13 @@ def test_five_decays_are_held_the_newest():
     assert [each.origin for each in newest(decays)] == [120.0, 180.0, 240.0, 300.0, 360.0]
 
 
+@pytest.mark.long
 def test_releases_of_one_craft_do_not_contradict_each_other():
     refitter, outcome = after(table_of(1, amplitude=0.05), table_of(2, amplitude=0.12))
     assert len(refitter.decays['pitch'].decays) == 2 and refitter.version == 2, outcome.message
 
 
-@pytest.mark.parametrize('change', [{'period': 2.65}, {'damping': 0.1}])
+@pytest.mark.parametrize('change', [{'period': 2.65}, pytest.param({'damping': 0.1}, marks=pytest.mark.long)])
 def test_a_changed_craft_starts_anew_and_rollback_leads_back(twice, change):
     refitter, _ = copy.deepcopy(twice)
     before, decays = refitter.models['pitch'], refitter.decays
@@ -245,6 +246,7 @@ def drawn(seed, changes_after, count):
     return PERIOD / np.sqrt(gm) + np.random.default_rng(seed).normal(0.0, 0.04, count)
 
 
+@pytest.mark.long
 def test_a_tenth_of_the_height_is_found_within_half_an_hour_and_nothing_is_cried_without_change():
     found = []
     for seed in range(100):
@@ -257,6 +259,7 @@ def test_a_tenth_of_the_height_is_found_within_half_an_hour_and_nothing_is_cried
         assert not any(each is not None and each.advice for each in said)
 
 
+@pytest.mark.long
 def test_the_interval_holds_the_truth():
     for changes_after, truth in ((40, 1.0), (12, 0.9)):
         held = []

@@ -113,6 +113,7 @@ def test_what_is_scored_and_what_is_learnt_from_are_chosen_apart():
     assert not np.allclose(short.nrmse['var_40'], early.nrmse['var_40'])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_quiescence_is_scored_after_the_warm_up_by_limits_that_the_warm_up_suggests():
     trial, duration = sea(200.0), 3.0

@@ -139,6 +139,7 @@ def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(
     assert 0.8 < coverage[0] < 0.97
 
 
+@pytest.mark.long
 def test_a_fit_taken_up_late_is_the_one_taken_up_at_once(sea):
     _, seen = sea
     fit, leads = excitation.fit_excitation(_request(seen[:COUNT], (*KNOWN[:2], True, True))), np.array([0.5, 2.0])
@@ -215,7 +216,7 @@ def test_the_steady_covariance_solves_riccatis_equation():
     assert excitation._filtered_covariance(a, q, noise) == pytest.approx(updated, abs=1e-9)
 
 
-@pytest.mark.parametrize('factor', [0.7, pytest.param(1.3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('factor', [0.7, pytest.param(1.3, marks=pytest.mark.long)])
 def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
     _, seen = sea
     terms = {name: value * (factor if name.startswith('s') else 1.0) for name, value in HULL.terms.items()}

@@ -112,6 +112,7 @@ def without_noise():
     return run(SEA.samples(TIME, told=False))[1]
 
 
+@pytest.mark.long
 def test_jitter_of_the_stamps_costs_little(without_noise):
     jitter = TIME[:900] + np.random.default_rng(2).uniform(-0.02, 0.02, 900)
     _, jittered = run(SEA.samples(jitter))
@@ -126,6 +127,7 @@ def test_a_forecast_is_of_its_stamp_where_the_stamps_of_even_samples_jitter(with
     assert (a < 1.2 * b).all(), a / b
 
 
+@pytest.mark.long
 def test_jitter_at_a_rate_between_two_numbers_of_samples_per_row_forgets_nothing():
     """Two samples of 25 Hz are as far from a row's time as three."""
     time = clock(25.0, 60.0)
@@ -136,7 +138,7 @@ def test_jitter_at_a_rate_between_two_numbers_of_samples_per_row_forgets_nothing
     assert (a < 1.5 * b).all(), (a, b)
 
 
-@pytest.mark.parametrize('lost', [5, 20])
+@pytest.mark.parametrize('lost', [5, pytest.param(20, marks=pytest.mark.long)])
 def test_after_lost_samples_the_forecast_is_that_of_a_whole_record(run_on, steady, without_noise, lost):
     numbers = np.arange(TIME.size)
     kept = (numbers % 100 >= lost) | (numbers < UNTOUCHED)
@@ -159,7 +161,7 @@ def counted(time, stamps):
     return {reason: count for reason, count in pipeline.counts.items() if count}
 
 
-@pytest.mark.parametrize('rate', [10.0, 50.0])
+@pytest.mark.parametrize('rate', [10.0, pytest.param(50.0, marks=pytest.mark.long)])
 def test_what_is_lost_is_counted_exactly(rate):
     """One in twenty at random, of a clock whose stamps jitter by a twentieth of an interval."""
     time = clock(rate, 2000.0 / rate)
@@ -173,7 +175,7 @@ def test_what_is_lost_is_counted_exactly(rate):
         assert counts.get('lost-sample') == is_lost.sum()
 
 
-@pytest.mark.parametrize('rate', [10.0, 50.0])
+@pytest.mark.parametrize('rate', [pytest.param(10.0, marks=pytest.mark.long), 50.0])
 def test_a_swapped_neighbour_comes_late_and_is_not_lost(rate):
     """Of a fifth of the samples."""
     time = clock(rate, 2000.0 / rate)
@@ -191,7 +193,9 @@ def test_a_stamp_that_is_late_by_most_of_an_interval_is_none_lost():
     assert counted(time, time + late) == {}
 
 
-@pytest.mark.parametrize('shift', [0.5, 5.0, -1000.0, 31536000.0])
+@pytest.mark.parametrize(
+    'shift', [0.5, -1000.0, *(pytest.param(shift, marks=pytest.mark.long) for shift in (5.0, 31536000.0))]
+)
 def test_a_motion_that_goes_on_while_its_clock_is_set_is_forecast_as_before(run_on, steady, shift):
     steps = run_on(SEA.samples(TIME, EPOCH + TIME + np.where(TIME < 60.0, 0.0, shift)))
     counts = Counter(reason for step in steps[UNTOUCHED:] for reason in step.reasons)
@@ -202,7 +206,7 @@ def test_a_motion_that_goes_on_while_its_clock_is_set_is_forecast_as_before(run_
     assert (after[1:] < 1.2 * without[1:]).all(), after / without
 
 
-@pytest.mark.parametrize('shift', [-0.3, -0.5])
+@pytest.mark.parametrize('shift', [pytest.param(-0.3, marks=pytest.mark.long), -0.5])
 def test_a_clock_that_is_set_back_by_a_few_intervals_is_followed(run_on, steady, shift):
     """The stamps may overlap so that the messages look late until one is in order again."""
     steps = run_on(SEA.samples(TIME, EPOCH + TIME + np.where(TIME < 60.0, 0.0, shift)))
@@ -242,7 +246,7 @@ def test_diagnostics_say_so_until_the_waves_are_learnt():
     np.testing.assert_allclose(np.nansum(diagnostics.weights, axis=0), 1.0, atol=1e-9)
 
 
-@pytest.mark.parametrize(('rate', 'slower'), [(100.0, 1.0), (10.0, 10.0)])
+@pytest.mark.parametrize(('rate', 'slower'), [(100.0, 1.0), pytest.param(10.0, 10.0, marks=pytest.mark.long)])
 def test_nothing_is_learnt_of_waves_from_a_craft_that_is_leaned_over_and_held(rate, slower):
     """It has hardly moved: a state space fitted to that holds its angle for the level."""
     rng, time = np.random.default_rng(4), np.arange(0.0, 12.0 * slower, 1.0 / rate)
@@ -293,7 +297,7 @@ def test_a_fit_within_its_delay_changes_nothing_and_a_late_one_is_used_from_then
     assert (error(late, time, 30.0, 45.0) < 1.5 * error(on_time, time, 30.0, 45.0) + 1e-3).all()
 
 
-@pytest.mark.parametrize('rates', [(10.0, 100.0), (50.0, 10.0)])
+@pytest.mark.parametrize('rates', [pytest.param((10.0, 100.0), marks=pytest.mark.long), (50.0, 10.0)])
 def test_a_sensor_that_changes_its_rate_is_followed(rates):
     time = np.concatenate([clock(rates[0], 20.0), 20.0 + clock(rates[1], 40.0)])
     pipeline, steps = run(SEA.samples(time))
@@ -302,7 +306,7 @@ def test_a_sensor_that_changes_its_rate_is_followed(rates):
     assert (relative[:3] < (0.05, 0.2, 0.4)).all(), relative
 
 
-@pytest.mark.parametrize('slower', [5.0, 0.2])
+@pytest.mark.parametrize('slower', [pytest.param(5.0, marks=pytest.mark.long), 0.2])
 def test_a_craft_and_a_sea_that_are_slower_by_a_factor_are_forecast_as_well_so_much_further_ahead(steady, slower):
     sea, leads = Sea(slower), tuple(slower * np.array(LEADS))
     settings = replace(
@@ -406,7 +410,7 @@ class LetGo(Sea):
         return np.array([roll, 0.0 * roll])
 
 
-@pytest.mark.parametrize('slower', [0.5, 3.0])
+@pytest.mark.parametrize('slower', [0.5, pytest.param(3.0, marks=pytest.mark.long)])
 def test_before_two_cycles_have_been_seen_the_level_may_be_any_of_them(slower):
     """Half a period after a craft was let go it is as far on the other side."""
     held, periods = [], np.array([0.25, 0.5, 1.0])
@@ -423,7 +427,7 @@ def test_before_two_cycles_have_been_seen_the_level_may_be_any_of_them(slower):
 
 
 @pytest.mark.parametrize(
-    ('name', 'rate_noise'), [('swath-pitch', 0.0164), pytest.param('swath-roll', 0.0050, marks=pytest.mark.slow)]
+    ('name', 'rate_noise'), [('swath-pitch', 0.0164), pytest.param('swath-roll', 0.0050, marks=pytest.mark.long)]
 )
 def test_a_released_hull_is_forecast_one_period_ahead_at_its_first_release_too(name, rate_noise):
     """With the noise of the rate, rad/s, that each study shows."""
@@ -450,6 +454,7 @@ def run_on_at_100_hz():
     return lambda time: run(SEA.samples(time), pipeline=copy.deepcopy(pipeline))[1]
 
 
+@pytest.mark.long
 def test_a_fit_that_arrives_makes_no_forecast_less_sure(run_on_at_100_hz):
     """The hull's filter goes on from the time of its window's end, which lies between two samples, not from another."""
     steps = run_on_at_100_hz(60.0 + clock(100.0, 40.0))

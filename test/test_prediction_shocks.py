@@ -27,7 +27,10 @@ def trial_of(time, motion):
     return Trial(time, **dict(zip((*AXES, 'roll_rate', 'pitch_rate'), motion.T, strict=True)))
 
 
-@pytest.mark.parametrize(('factor', 'stretch'), [(0.02, 1.0), (8.0, 1.0), (0.02, 0.1), (2.0, 0.1)])
+@pytest.mark.parametrize(
+    ('factor', 'stretch'),
+    [(8.0, 1.0), (0.02, 0.1), *(pytest.param(*case, marks=pytest.mark.long) for case in ((0.02, 1.0), (2.0, 0.1)))],
+)
 def test_no_forecast_is_wilder_than_the_motion_of_the_last_two_periods(factor, stretch):
     time, motion = waves(110.0)
     motion[700:] *= factor
@@ -45,6 +48,7 @@ def test_no_forecast_is_wilder_than_the_motion_of_the_last_two_periods(factor, s
         assert (np.abs(step.forecast.mean[:, :2] - mean) <= 1.2 * largest + 3e-3).all()
 
 
+@pytest.mark.long
 def test_a_craft_that_was_pushed_is_quiet_as_soon_as_it_is():
     rate_hz, natural = 25.0, 2.0 * math.pi / 2.5
     state, motion = np.zeros(2), []

@@ -70,7 +70,7 @@ def test_a_wave_is_forecast_until_it_has_passed_the_probe_and_then_as_well_as_ca
     assert (error(trial, seeing(trial, trial.time, noise))[0] < 1.03 * without).all()
 
 
-@pytest.mark.parametrize('kind', ['lost', 'quick', 'late'])
+@pytest.mark.parametrize('kind', ['lost', *(pytest.param(kind, marks=pytest.mark.long) for kind in ('quick', 'late'))])
 def test_samples_may_be_lost_quicker_than_the_imus_or_late(without, kind):
     trial, probe = craft_and_probe()
     rng = np.random.default_rng(3)
@@ -85,7 +85,7 @@ def test_samples_may_be_lost_quicker_than_the_imus_or_late(without, kind):
     assert (found[:2] < [0.2, 0.2]).all() and (found[:2] < 0.35 * without[:2]).all()
 
 
-@pytest.mark.parametrize('kind', ['stuck', 'lying'])
+@pytest.mark.parametrize('kind', ['stuck', pytest.param('lying', marks=pytest.mark.long)])
 def test_a_probe_that_is_stuck_or_lies_costs_little_and_serves_again(blind, without, kind):
     trial, probe = craft_and_probe()
     instead = probe[1900] if kind == 'stuck' else craft_and_probe(seed=9)[1]

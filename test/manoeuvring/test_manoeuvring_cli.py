@@ -41,7 +41,7 @@ def model(folder):
 
 
 def test_identify_json(folder, capsys):
-    runs = [folder / 'runs' / f'{n}.csv' for n in ('speed_up', 'zigzag_20', 'mixed', 'turns_slow')]
+    runs = [folder / 'runs' / f'{n}.csv' for n in ('zigzag_20', 'mixed', 'turns_slow')]
     capsys.readouterr()
     assert swath('identify', *runs, '--mass', 180, '--json', '--generations', 0) == 0
     data = json.loads(capsys.readouterr().out)

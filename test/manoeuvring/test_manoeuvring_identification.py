@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from manoeuvring_runs import OLD, codes, runs_of, trial_of
+from manoeuvring_runs import MODEL, OLD, codes, runs_of, trial_of
 from scipy.optimize import approx_fprime, least_squares, lsq_linear
 
 from swath_sysid.common.cancelling import Cancelled
@@ -17,8 +17,13 @@ from swath_sysid.manoeuvring.identification import held_out
 from swath_sysid.manoeuvring.identification.assembly import assemble, moving_runs, seen_region
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring, split
 from swath_sysid.manoeuvring.identification.least_squares import minimise
+from swath_sysid.manoeuvring.identification.refit import (
+    ManoeuvreRefitOutcome,
+    ManoeuvreRefitter,
+    pieces,
+    refit_manoeuvring,
+)
 from swath_sysid.manoeuvring.identification.refit import ManoeuvreRefitRequest as Request
-from swath_sysid.manoeuvring.identification.refit import ManoeuvreRefitter, pieces, refit_manoeuvring
 from swath_sysid.manoeuvring.identification.selection import shooting_of
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings, cut
 from swath_sysid.manoeuvring.identification.shooting import jacobian, residuals
@@ -156,6 +161,7 @@ def test_values_without_a_run_against_fits_without_it(bound, monkeypatch):
     assert np.max(np.abs(found - best)) < 0.1 * np.max(np.abs(np.array(expected) - best))
 
 
+@pytest.mark.long
 def test_what_one_run_alone_determines_has_no_scatter_between_runs(force_runs):
     """Only the mixed run turns: without it yaw is not known at all, which says nothing of how well the run tells it."""
     runs = {run.source: run for run in force_runs}
@@ -167,6 +173,7 @@ def test_what_one_run_alone_determines_has_no_scatter_between_runs(force_runs):
         assert 'uncertain' not in found.derivatives[name].flags
 
 
+@pytest.mark.long
 def test_a_straight_run_validates_no_turns(force_runs):
     """Its sway and yaw are sensor noise, which no model explains and any may claim to; a model that turns is told."""
     runs = {run.source: run for run in force_runs}
@@ -346,7 +353,7 @@ def thrusts(window, port, starboard):
 
 @pytest.fixture(scope='module')
 def outcome(window):
-    return refit_manoeuvring(Request(window.trial(), None, ManoeuvringSettings(**QUICK)))
+    return refit_manoeuvring(Request(window.trial(), None, ManoeuvringSettings(mass=180.0, generations=0)))
 
 
 def test_the_window_keeps_what_came_and_its_pieces_do_not_span_gaps(window):
@@ -426,19 +433,23 @@ def test_what_is_wrong_is_counted_and_left_out():
     assert window.size == 1
 
 
-def test_a_refit_finds_the_craft_and_there_is_a_way_back(outcome):
+@pytest.mark.long
+def test_a_refit_finds_the_craft(outcome):
     assert outcome.model is not None, outcome.message
     assert outcome.model.model['Xuu'] == pytest.approx(OLD['Xuu'], rel=0.2)
     assert outcome.model.model['Nr'] == pytest.approx(OLD['Nr'], rel=0.1)
     assert outcome.model.metrics['held_out']
     assert np.isnan(outcome.current_misfit)
-    refitter = ManoeuvreRefitter()
+
+
+def test_there_is_a_way_back():
+    outcome, refitter = ManoeuvreRefitOutcome(MODEL, ''), ManoeuvreRefitter()
     assert not refitter.rollback()
     assert refitter.take(outcome)
     assert not refitter.rollback()
-    assert refitter.take(replace(outcome, model=replace(outcome.model, metrics={})))
+    assert refitter.take(replace(outcome, model=replace(MODEL, metrics={})))
     assert refitter.rollback()
-    assert refitter.model is outcome.model
+    assert refitter.model is MODEL
     assert not refitter.take(replace(outcome, model=None))
 
 

@@ -196,6 +196,7 @@ def test_identify_on_demand_sharpens_the_forecasts(tmp_path):
     assert 'began anew' not in codes[0][1]
 
 
+@pytest.mark.long
 def test_each_text_that_is_no_model_is_refused_while_forecasts_go_on():
     def refusals(bench):
         return bench.statuses[status][2].get('bad_models', 0)
@@ -205,6 +206,7 @@ def test_each_text_that_is_no_model_is_refused_while_forecasts_go_on():
         assert_each_text_is_refused_while_forecasts_go_on(intake)
 
 
+@pytest.mark.long
 def test_a_model_file_that_cannot_be_used_does_not_end_the_node(tmp_path):
     path = tmp_path / 'model.yaml'
     path.write_text(manoeuvring_texts()['mass NaN'][0])

@@ -97,6 +97,7 @@ def test_outliers_are_refused_until_they_stay():
     assert abs(filter_.x[3] - math.pi) < 0.02
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_model_forecasts_better_than_steady_motion():
     runs = runs_of(OLD, 0, ['mixed', 'turns_fast', 'zigzag_10'])

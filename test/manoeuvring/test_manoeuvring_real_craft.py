@@ -127,6 +127,7 @@ def test_a_craft_with_vices_is_identified_and_its_forecasts_know_how_good_they_a
         assert np.all((shares > 0.75) & (shares <= 1.0))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_hull_that_does_not_keep_its_course_gets_a_model_that_does_not(simulated):
     craft = simulated.unstable_hull(np.random.default_rng(SEED))
@@ -173,6 +174,7 @@ def settings_of(craft, truth, *without):
     return ManoeuvringSettings(mass=craft.mass, fixed=fixed, current='shared', generations=0, terms=terms)
 
 
+@pytest.mark.long
 def test_every_derivative_of_the_otter_is_found(otter):
     craft, runs, truth = otter
     found = identify_manoeuvring(runs, settings_of(craft, truth), ()).derivatives

@@ -67,6 +67,7 @@ def test_what_was_never_measured_is_not_asked_of_the_validation_and_a_model_that
     assert '1.20 m/s' in verdict.sentence
 
 
+@pytest.mark.long
 def test_a_rejected_model_is_written_only_by_force(tmp_path, capsys, monkeypatch):
     """Thrust that does not belong to the motion of the run held out: worse than its mean."""
     runs = runs_of(names=['turns_fast', 'mixed', 'zigzag_20'])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from repository import RECORDS
 from scipy.integrate import solve_ivp
 
 from swath_sysid.attitude.hull.catalogue import hull_named
@@ -147,8 +148,8 @@ def test_type_a_is_the_larger_of_the_fit_and_the_scatter_of_repeats():
         assert found.combined == pytest.approx(combined)
 
 
-def test_measured_roll_of_a_tanker_decays_by_its_curve_as_by_its_fitted_motion(data_folder):
-    motion = read_trial(data_folder / 'decay/kvlcc2/run2_0kn.csv').axis('roll')
+def test_measured_roll_of_a_tanker_decays_by_its_curve_as_by_its_fitted_motion():
+    motion = read_trial(RECORDS / 'kvlcc2_roll_decay.csv').axis('roll')
     found = identify([motion], IdentificationSettings('odd-cubic'))
     curve = extinction_of([measured_peaks(found.records[0].motion, found.records[0].segment.period)])
     amplitude, period = np.radians(5.0), found.model.natural_period
