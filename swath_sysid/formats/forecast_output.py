@@ -216,10 +216,11 @@ class ForecastMessages:
         return header(stamp_ns, self._level), child, ((0.0, 0.0, heave), tuple(orientation))
 
     def _filled(self, message_of: Callable, frame_id: str, key: Any, stamp_ns: int, values: Any) -> bytes:
-        if (message_of, frame_id, key) not in self._templates:
+        template = self._templates.get(kind := (message_of, frame_id, key))
+        if template is None:
             template = messages.Template(lambda v: message_of(v, frame_id, key), len(values))
-            self._templates[message_of, frame_id, key] = template
-        return self._templates[message_of, frame_id, key].filled(stamp_ns, values)
+            self._templates[kind] = template
+        return template.filled(stamp_ns, values)
 
 
 def _times_ns(forecast: Forecast) -> tuple[int, ...]:

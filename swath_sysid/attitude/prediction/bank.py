@@ -322,8 +322,8 @@ def bound(mean: np.ndarray, covariance: np.ndarray, centre: np.ndarray, largest:
 def without_noise(covariance: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Covariances (..., M, M) of readings less the variances (M,) of their noise; correlations stay."""
     variance = np.diagonal(covariance, axis1=-2, axis2=-1)
-    share = np.maximum(1.0 - noise / np.maximum(variance, 1e-300), NEGLIGIBLE)
-    return covariance * np.sqrt(share[..., :, None] * share[..., None, :])
+    share = np.sqrt(np.maximum(1.0 - noise / np.maximum(variance, 1e-300), NEGLIGIBLE))
+    return covariance * (share[..., :, None] * share[..., None, :])
 
 
 @dataclass(frozen=True)

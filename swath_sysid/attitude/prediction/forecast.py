@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -58,7 +59,7 @@ class Forecast:
         """Its rate (L,), rad/s."""
         return self.mean[:, ATTITUDE.index(f'{axis}_rate')]
 
-    @property
+    @cached_property
     def deviation(self) -> np.ndarray:
         """Standard deviations (L, 4) of ``mean``."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))

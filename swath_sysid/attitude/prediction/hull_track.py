@@ -306,7 +306,7 @@ class HullTrack(ExtendedKalmanFilter):
         """Replace the state, of whatever size."""
         self.x, self.P = np.array(mean), np.array(covariance)
         self.dim_x = n = self.x.size
-        self._I, self._rows = np.eye(n), np.eye(2, n)
+        self._I, self._rows, self._noise = np.eye(n), np.eye(2, n), np.zeros((2, 2))
         self.foreseen = None
 
     def set_part(self, places: slice, mean: Any, covariance: np.ndarray) -> None:
@@ -353,8 +353,10 @@ class HullTrack(ExtendedKalmanFilter):
         angle, rate = values
         measured = slice(int(angle != angle), 1 + int(rate == rate))
         self.H, self.x_prior, self.P_prior = self._rows[measured], self.x, self.P
-        self.R[0, 0], self.R[1, 1] = (max(variance, LEAST_NOISE_VARIANCE) for variance in variances)
-        super().update(np.array(values[measured]), lambda _: self.H, self.H.dot, self.R[measured, measured])
+        self._noise[0, 0] = max(variances[0], LEAST_NOISE_VARIANCE)
+        self._noise[1, 1] = max(variances[1], LEAST_NOISE_VARIANCE)
+        self.R = self._noise[measured, measured]
+        super().update(np.array(values[measured]), lambda _: self.H, lambda x: x[measured])
         if not learns:
             self.x[OF_HULL], self.P[OF_HULL, OF_HULL] = self.x_prior[OF_HULL], self.P_prior[OF_HULL, OF_HULL]
         self.strain += STRAIN_GAIN * (self.mahalanobis**2 / self.y.size - self.strain)
@@ -362,7 +364,9 @@ class HullTrack(ExtendedKalmanFilter):
     @property
     def log_likelihood(self) -> float:
         """Of the last update, in closed form: filterpy's takes 50 us, and drops a known angle beside a free rate."""
-        return -0.5 * (self.mahalanobis**2 + math.log(np.linalg.det(2.0 * math.pi * self.S)))
+        s, count = self.S.item, self.y.size
+        determinant = s(0) if count == 1 else s(0) * s(3) - s(1) * s(2)
+        return -0.5 * (self.mahalanobis**2 + math.log(determinant) + count * math.log(2.0 * math.pi))
 
     def is_outlier(self, gates: Sequence[float], elapsed: float, min_jump: float) -> bool:
         """Whether the last update's NIS exceeds its gate, by the number of values, ``elapsed`` s after the one before.
