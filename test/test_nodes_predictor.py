@@ -23,7 +23,8 @@ from swath_sysid.attitude.prediction.sea_state import SeaReport  # noqa: E402
 from swath_sysid.formats.model_file import scheduled_to_yaml  # noqa: E402
 from swath_sysid.formats.topics import QUIESCENCE_TOPIC, SEA_TOPIC  # noqa: E402
 from swath_sysid.nodes.executor_loop import events_executor, turn  # noqa: E402
-from swath_sysid.nodes.predictor import PASSED_OVER_NS, Predictor  # noqa: E402
+from swath_sysid.nodes.inbox import PASSED_OVER_NS  # noqa: E402
+from swath_sysid.nodes.predictor import Predictor  # noqa: E402
 from swath_sysid.nodes.worker import WorkerError  # noqa: E402
 from swath_sysid.pipeline.health import (  # noqa: E402
     BAD_LOADING,

@@ -6,8 +6,12 @@ from typing import NamedTuple
 from rclpy.node import Node
 from sensor_msgs.msg import Imu
 
+from swath_sysid.formats.messages import stamp_ns
 from swath_sysid.nodes import qos
 from swath_sysid.pipeline.health import StreamHealth
+from swath_sysid.pipeline.pacing import Pace
+
+PASSED_OVER_NS = 100_000_000  #: A sample that is older than the newest one by more only feeds the filters.
 
 
 class Arrival(NamedTuple):
@@ -33,3 +37,27 @@ class Inbox(deque[Arrival]):
             if len(self) == self.maxlen:
                 self._health.note_left_out()
             self.append(Arrival(each, arrival, clock_ns))
+
+
+class PacedInbox(Inbox):
+    """An inbox that leaves out messages, evenly, while they come faster than they can be handled."""
+
+    def __init__(self, node: Node, depth: int, health: StreamHealth) -> None:
+        super().__init__(node, depth, health)
+        self.pace = Pace()
+
+    @property
+    def oldest_ns(self) -> int:
+        """Stamp of the message that has waited longest."""
+        return stamp_ns(self[0].message.header.stamp)
+
+    def take(self) -> tuple[Arrival, bool] | None:
+        """The oldest message, and whether much newer ones wait behind it; None where it is left out."""
+        is_used = self.pace.is_used(len(self))
+        arrival = self.popleft()
+        if not is_used:
+            self._health.note_left_out()
+            return None
+        newest = self[self.pace.left - 1] if self.pace.left else arrival
+        age_ns = stamp_ns(newest.message.header.stamp) - stamp_ns(arrival.message.header.stamp)
+        return arrival, age_ns > PASSED_OVER_NS

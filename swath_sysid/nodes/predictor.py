@@ -10,14 +10,14 @@ from swath_sysid.attitude.hull.identified_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.prediction.forecast import nothing
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.messages import imu_reading, stamp_ns
+from swath_sysid.formats.messages import imu_reading
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC, NEXT_TOPIC
 from swath_sysid.nodes import qos
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.forecast_publishers import forecast_publishers
-from swath_sysid.nodes.inbox import Inbox
+from swath_sysid.nodes.inbox import PacedInbox
 from swath_sysid.nodes.kernels import KernelLoading
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
@@ -27,9 +27,6 @@ from swath_sysid.nodes.upstream_topics import Upstream
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, warm_up
 from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
-from swath_sysid.pipeline.pacing import Pace
-
-PASSED_OVER_NS = 100_000_000  #: A sample that is older than the newest one by more only feeds the filters.
 
 
 class Predictor(Node):
@@ -45,7 +42,6 @@ class Predictor(Node):
         self.pipeline = ForecastPipeline(self.upstream.settings(self.parameters.settings))
         self.health = PredictorHealth(self.resolve_topic_name(qos.IMU_TOPIC), self.pipeline)
         self._kernels = KernelLoading(warm_up, self, self.health)
-        self._pace = Pace()
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self._is_in_step)
         self._messages, self._publisher_of, self._wanted = forecast_publishers(self, self.parameters, self.health)
         self._described: tuple[dict, dict] = {}, {}
@@ -59,7 +55,7 @@ class Predictor(Node):
         )
         qos.watched_subscription(self, Float64, 'craft/loading', self._on_loading, qos.NEWEST, self.health)
         self.upstream.listen(self.pipeline, self.health)
-        self.inbox = Inbox(self, depth, self.health)
+        self.inbox = PacedInbox(self, depth, self.health)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
     def destroy_node(self) -> None:
@@ -81,24 +77,17 @@ class Predictor(Node):
         if self._intake.endings and self._use_new_models():
             self._diagnostics.publish()  # a user who has just seen the model must not read that there is none
         until = perf_counter() + seconds
-        while self.inbox and perf_counter() < until:
-            message, arrival, clock_ns = self.inbox[0]
-            reading = imu_reading(message)
-            if self.sea.is_fitting and not self.sea.hands_over(reading.stamp_ns, max(until - perf_counter(), 0.0)):
+        while self.inbox and (begun := perf_counter()) < until:
+            if self.sea.is_fitting and not self.sea.hands_over(self.inbox.oldest_ns, until - begun):
                 return
-            is_used = self._is_in_step or self._pace.is_used(len(self.inbox))
-            self.inbox.popleft()
-            if not is_used:
-                self.pipeline.leave_out()
-                self.health.note_left_out()
-                continue
-            begun = perf_counter()
-            newest = self.inbox[self._pace.left - 1].message if self._pace.left else message
-            age_ns = 0 if self._is_in_step else stamp_ns(newest.header.stamp) - reading.stamp_ns
-            self._add(reading, arrival, age_ns > PASSED_OVER_NS)
-            self.health.note_frame_id(message.header.frame_id)
-            self.health.note_message(reading.stamp_ns, clock_ns, begun, perf_counter())
-            self._pace.note(perf_counter() - begun)
+            taken = (self.inbox.popleft(), False) if self._is_in_step else self.inbox.take()
+            if taken is not None:
+                (message, arrival, clock_ns), is_passed_over = taken
+                reading = imu_reading(message)
+                self._add(reading, arrival, is_passed_over)
+                self.health.note_frame_id(message.header.frame_id)
+                self.health.note_message(reading.stamp_ns, clock_ns, begun, perf_counter())
+                self.inbox.pace.note(perf_counter() - begun)
 
     def _add(self, reading: ImuReading, arrival: float, is_passed_over: bool) -> None:
         step = self.pipeline.begin(self.pipeline.intake.take(reading, arrival))
@@ -109,11 +98,11 @@ class Predictor(Node):
         if step.sea_request is not None:
             self.sea.submit(step.sea_request, reading.stamp_ns)
         if is_passed_over:
-            if self._pace.stride == 1:
+            if self.inbox.pace.stride == 1:
                 self.health.note(PASSED_OVER)
             return
         self.health.published += step.next is not None
-        self.health.note_forecast(qos.arrival_time(self) - arrival, self._pace.stride)
+        self.health.note_forecast(qos.arrival_time(self) - arrival, self.inbox.pace.stride)
         self._publish(self._messages.of(step))
 
     def _publish(self, messages: Iterable[tuple[str, bytes]]) -> None:
