@@ -1,5 +1,6 @@
 """Bags: what is read is what was sent, and what is broken is told."""
 
+import resource
 import shutil
 import sqlite3
 from contextlib import closing
@@ -17,6 +18,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats import bags
 from swath_sysid.formats import messages as layout
 from swath_sysid.formats.bags import is_bag, read_bag, read_imu, write_imu_bag
+from swath_sysid.formats.output_bag import Recording
 from swath_sysid.formats.reading import read_readings, read_trial
 from swath_sysid.formats.topics import IMU
 
@@ -301,6 +303,28 @@ def test_of_a_split_bag_with_a_part_cut_the_rest_is_read_and_the_share_told(tmp_
     record = read_imu(folder)
     assert 1300 < len(record) < 1600 and [advice.code for advice in record.advice] == ['damaged-bag', 'incomplete-bag']
     assert f'lacks {1800 - len(record)} of the 1800' in record.advice[1].message
+
+
+@pytest.mark.parametrize('room, count', [(100_000, 250), (30_000, 50)])
+def test_a_recording_that_the_disk_has_no_room_for_ends_whole_and_says_how_far_it_reaches(tmp_path, room, count):
+    recording = Recording(tmp_path / 'run.mcap')
+    write = recording.add_topic('/imu/data', IMU, latched=False, reliable=True)
+    # a file may have so many bytes, as if the disk were full then
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, usual[1]))
+    try:
+        with pytest.raises(InputError, match='the disk takes no more .File too large') as told:
+            for at in range(1000):
+                write(int(at * 10_000_000), bytes(STORE.serialize_cdr(imu(at % COUNT), IMU)))
+                if at % 50 == 49:
+                    recording.save()
+        recording.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    assert [file.name for file in tmp_path.iterdir()] == ['run.mcap']
+    record = read_imu(tmp_path / 'run.mcap')
+    assert len(record) == count and record.advice == ()
+    assert f'run.mcap is whole and holds the first {record.received[-1] / 1e9:.0f} s' in str(told.value)
 
 
 def written_trial():
