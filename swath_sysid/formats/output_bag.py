@@ -212,7 +212,7 @@ class Recording:
                 cut_off(self._file, size)
                 self._finish()
                 reach = (end_ns - storage.message_start_time) / messages.SECOND_NS
-                return InputError(f'{told}: {self.path} is whole and holds the first {reach:.0f} s; free space first')
+                return InputError(f'{told}: {self.path} is whole and holds the first {reach:.0f} s. Free some space')
         left = f'{self._folder} can be read as a bag' if self._saved else 'nothing was saved; choose another folder'
         return InputError(f'{told}: {left}')
 

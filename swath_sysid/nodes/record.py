@@ -10,6 +10,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from swath_sysid.common.errors import InputError
 from swath_sysid.formats.output_bag import Recording, is_ours
 from swath_sysid.formats.topics import is_within
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD, OF_ROS, events_executor, run
@@ -26,13 +27,14 @@ class Record(Node):
     def __init__(self, recording: Recording, others: Sequence[str] = ()):
         super().__init__('record')
         self._recording = recording
+        self.failures: list[InputError] = []
         self._others = {f'/{topic.strip("/")}' for topic in others}
         self._sensors = {self.resolve_topic_name(IMU_TOPIC)}
         self._subscribed: dict[str, Any] = {}
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._look()
         self.create_timer(LOOK_PERIOD, self._look, clock=steady)
-        self.create_timer(SAVE_PERIOD, recording.save, clock=steady)
+        self.create_timer(SAVE_PERIOD, partial(self._attempt, recording.save), clock=steady)
         self._first_report = self.create_timer(DISCOVERY, self._report, clock=steady)
 
     def destroy_node(self) -> None:
@@ -84,7 +86,15 @@ class Record(Node):
             )
 
     def _write(self, write: Callable[[int, bytes], None], raw: Any) -> None:
-        write(self.get_clock().now().nanoseconds, raw)
+        self._attempt(partial(write, self.get_clock().now().nanoseconds, raw))
+
+    def _attempt(self, action: Callable[[], None]) -> None:
+        """End the recording, without the executor's own account of an error, when the disk takes no more."""
+        try:
+            action()
+        except InputError as error:
+            self.failures.append(error)
+            self.context.try_shutdown()
 
     def _subscribe(self, topic: str, kind: str, offered: Sequence[QoSProfile]) -> None:
         """With the strictest QoS that every publisher offers."""
@@ -99,8 +109,16 @@ class Record(Node):
 def record(path: str | Path, others: Sequence[str] = (), args: list[str] | None = None) -> tuple[int, dict[str, int]]:
     """Record to ``NAME.mcap`` until a signal comes: the exit code and the number of messages by topic."""
     recording = Recording(path)
+    made: list[Record] = []
+
+    def make() -> Record:
+        made.append(Record(recording, others))
+        return made[-1]
+
     try:
-        code = run([(events_executor, [lambda: Record(recording, others)])], args)
+        code = run([(events_executor, [make])], args)
     finally:
         recording.close()
+    for failure in (failure for node in made for failure in node.failures):
+        raise failure
     return code, recording.counts
