@@ -96,8 +96,8 @@ setup(
         'PyYAML>=6.0',
         'rich>=13.0',
         # bags that were cut off, and recordings on their way to the disk, need parts of it that may change with a
-        # minor version: see formats/bags.py, formats/mcap_checksums.py and formats/output_bag.py
-        'rosbags>=0.11,<0.12',
+        # version: see formats/bags.py, formats/mcap_checksums.py and formats/output_bag.py
+        'rosbags>=0.11.9,<0.12',
         'scipy>=1.11',
     ],
     extras_require={

@@ -1,9 +1,13 @@
 """Bags: what is read is what was sent, and what is broken is told."""
 
+import resource
 import shutil
+import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
+import yaml
 from bag_messages import STORE, break_a_chunk
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -14,6 +18,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats import bags
 from swath_sysid.formats import messages as layout
 from swath_sysid.formats.bags import is_bag, read_bag, read_imu, write_imu_bag
+from swath_sysid.formats.output_bag import Recording
 from swath_sysid.formats.reading import read_readings, read_trial
 from swath_sysid.formats.topics import IMU
 
@@ -178,8 +183,9 @@ def test_a_folder_of_several_bags_is_none(tmp_path):
 
 
 @pytest.mark.parametrize('storage', STORAGES)
-def test_bag_whose_recorder_was_killed(tmp_path, storage):
-    folder = write_bag(tmp_path / 'bag', plain_messages(), storage)
+@pytest.mark.parametrize('compression', [None, CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_bag_whose_recorder_was_killed(tmp_path, storage, compression):
+    folder = write_bag(tmp_path / 'bag', plain_messages(), storage, compression)
     (folder / 'metadata.yaml').unlink()
     trial = read_bag(folder)
     assert_right(trial)
@@ -187,6 +193,54 @@ def test_bag_whose_recorder_was_killed(tmp_path, storage):
     for text in ('', '{}', 'rosbag2_bagfile_information: [', '[' * 100):
         (folder / 'metadata.yaml').write_text(text)
         assert_right(read_bag(folder))
+
+
+@pytest.mark.parametrize('begun', [0, 1, COUNT // 2])
+def test_what_a_killed_recorder_left_in_the_log_of_sqlite_is_read_and_left_as_it_is(tmp_path, begun):
+    source = write_bag(tmp_path / 'source', plain_messages(), 'sqlite3') / 'source.db3'
+    folder = tmp_path / 'bag'
+    folder.mkdir()
+    # rosbag2's preset `resilient`; killed: copied while it is open
+    with closing(sqlite3.connect(tmp_path / 'bag_0.db3')) as database:
+        database.executescript('PRAGMA journal_mode = WAL')
+        with closing(sqlite3.connect(source)) as other:
+            script = [line for line in other.iterdump() if line not in ('BEGIN TRANSACTION;', 'COMMIT;')]
+        first = next(at for at, line in enumerate(script) if line.startswith('INSERT INTO "messages"'))
+        for at, line in enumerate(script):
+            if at == begun + first and begun:
+                database.commit()
+                database.execute('PRAGMA wal_checkpoint(TRUNCATE)')
+                database.execute('PRAGMA wal_autocheckpoint = 0')
+            database.execute(line)
+        database.commit()
+        for ending in ('', '-wal'):
+            shutil.copy(tmp_path / f'bag_0.db3{ending}', folder)
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    assert len(before) == 2 and all(before.values())
+    trial = read_bag(folder)
+    assert_right(trial)
+    assert_right(read_bag(folder / 'bag_0.db3'))
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+    assert codes(trial) == ['damaged-bag']
+    shutil.copy(source.parent / 'metadata.yaml', folder)
+    text = (folder / 'metadata.yaml').read_text().replace('source.db3', 'bag_0.db3')
+    (folder / 'metadata.yaml').write_text(text)
+    assert read_bag(folder).advice == ()
+    (folder / 'metadata.yaml').write_text(text.replace(f'message_count: {COUNT}', f'message_count: {2 * COUNT}'))
+    advice = read_bag(folder).advice
+    assert [each.code for each in advice] == ['incomplete-bag'] and f'lacks {COUNT} of the {2 * COUNT}' in str(advice)
+
+
+@pytest.mark.parametrize('name', ['cut.db3', 'half 50%41?#.db3'])
+def test_the_rows_of_a_cut_off_database_are_read(tmp_path, name):
+    whole = next(write_bag(tmp_path / 'bag', plain_messages() * 20, 'sqlite3').glob('*.db3'))
+    path = tmp_path / name
+    path.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    record = read_imu(path)
+    assert 0.3 * COUNT < len(record) / 20 < 0.6 * COUNT and {advice.code for advice in record.advice} == {'damaged-bag'}
+    whole.rename(path)
+    record = read_imu(path)
+    assert len(record) == 20 * COUNT and record.advice == ()
 
 
 def test_what_is_whole_of_a_cut_off_mcap_is_read(tmp_path):
@@ -229,6 +283,48 @@ def test_a_broken_chunk_in_a_folder_costs_what_follows_and_a_lost_part_of_a_spli
     (folder / 'bag_0.mcap').write_bytes(b'lost')
     trial = read_bag(folder)
     assert trial.time.size == 100 and codes(trial) == ['damaged-bag', 'damaged-bag']
+
+
+@pytest.mark.parametrize('ending', ['db3', 'mcap', 'mcap.zstd'])
+def test_of_a_split_bag_with_a_part_cut_the_rest_is_read_and_the_share_told(tmp_path, ending):
+    folder = tmp_path / 'bag'
+    folder.mkdir()
+    storage, packed = {'db': 'sqlite3', 'mc': 'mcap'}[ending[:2]], CompressionMode.FILE if 'zstd' in ending else None
+    for part in range(3):
+        messages = plain_messages()[part * 60 : part * 60 + 60] * 10
+        file = next(write_bag(tmp_path / f'part{part}', messages, storage, packed).glob(f'*.{ending}'))
+        content = file.read_bytes()
+        # of what repeats itself, the last bytes of a packed file are half of the messages
+        left = len(content) - 8 if packed else len(content) // 2
+        (folder / f'bag_{part}.{ending}').write_bytes(content[:left] if part == 1 else content)
+    names = [f'bag_{part}.{ending}' for part in range(3)]
+    metadata = {'rosbag2_bagfile_information': {'relative_file_paths': names, 'message_count': 1800}}
+    (folder / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
+    record = read_imu(folder)
+    assert 1300 < len(record) < 1600 and [advice.code for advice in record.advice] == ['damaged-bag', 'incomplete-bag']
+    assert f'lacks {1800 - len(record)} of the 1800' in record.advice[1].message
+
+
+@pytest.mark.parametrize('room, count', [(100_000, 250), (30_000, 50)])
+def test_a_recording_that_the_disk_has_no_room_for_ends_whole_and_says_how_far_it_reaches(tmp_path, room, count):
+    recording = Recording(tmp_path / 'run.mcap')
+    write = recording.add_topic('/imu/data', IMU, latched=False, reliable=True)
+    # a file may have so many bytes, as if the disk were full then
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, usual[1]))
+    try:
+        with pytest.raises(InputError, match='the disk takes no more .File too large') as told:
+            for at in range(1000):
+                write(int(at * 10_000_000), bytes(STORE.serialize_cdr(imu(at % COUNT), IMU)))
+                if at % 50 == 49:
+                    recording.save()
+        recording.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    assert [file.name for file in tmp_path.iterdir()] == ['run.mcap']
+    record = read_imu(tmp_path / 'run.mcap')
+    assert len(record) == count and record.advice == ()
+    assert f'run.mcap is whole and holds the first {record.received[-1] / 1e9:.0f} s' in str(told.value)
 
 
 def written_trial():

@@ -25,9 +25,10 @@ from swath_sysid.formats.output_bag import Recording
 
 pytest.importorskip('rclpy', reason='replay and record need ROS 2')
 
-from live_bench import Bench  # noqa: E402
+from live_bench import LATCHED, Bench  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
 
 from swath_sysid.nodes.replay import SETTLING  # noqa: E402
 
@@ -145,16 +146,69 @@ def test_a_recording_in_a_namespace_holds_what_was_replayed_there(bag, tmp_path,
     whole, copy = tmp_path / 'whole.mcap', tmp_path / 'copy.mcap'
     assert main(['play-through', str(bag), '--output', str(whole), '--with-imu']) == 0
     within = '--namespace', 'boat'
+    topics = '/imu/data', '/forecast/next', '/forecast/lead_1_0s'
+    asked = [word for topic in topics for word in ('--topic', topic)]
     with verb('record', '--output', copy, *within, ends=signal.SIGTERM) as recorder:
         wait_for_recorder(bench, '/boat')
-        with verb('replay', whole, '--rate', 4, *within, ends=None):
+        with verb('replay', whole, '--rate', 4, *asked, *within, ends=None):
             # it begins once the recorder has subscribed to the IMU, and soon to the rest
             pass
         assert recorder.poll() is None
         assert (tmp_path / 'copy.recording').is_dir() and not copy.exists()
     assert not (tmp_path / 'copy.recording').exists()
-    for topic in ('/imu/data', '/forecast/next', '/forecast/lead_1_0s'):
+    for topic in topics:
         assert list(numbers_on(copy, f'/boat{topic}').items()) == list(numbers_on(whole, topic).items())
+
+
+def test_replay_leaves_out_what_the_nodes_publish_unless_asked(bag, tmp_path, capfd):
+    whole = tmp_path / 'whole.mcap'
+    assert main(['play-through', str(bag), '--output', str(whole), '--with-imu']) == 0
+    quickly = '--rate', '100', '--wait', '0'
+    for words, left_out in (([], True), (['--topic', 'forecast/next'], False)):
+        assert main(['replay', str(whole), *words, *quickly]) == 0
+        told = capfd.readouterr().err
+        assert ('left out, because the nodes publish them themselves' in told) == left_out
+        assert f'publishing {"/imu/data" if left_out else "/forecast/next"}\n' in told
+    assert main(['replay', str(whole), '--topic', '/imu/other', *quickly]) == 2
+    assert 'no topic /imu/other: it holds' in capfd.readouterr().err
+    assert main(['play-through', str(bag), '--output', str(tmp_path / 'outputs.mcap')]) == 0
+    assert main(['replay', str(tmp_path / 'outputs.mcap'), *quickly]) == 2
+    assert 'has no topic that the nodes do not publish themselves' in capfd.readouterr().err
+
+
+def test_the_sensor_of_the_running_nodes_is_recorded_under_its_name(tmp_path):
+    output, sent = tmp_path / 'run.mcap', 50
+    bench = Bench(imu_topic='/xsens/imu')
+    try:
+        with (
+            verb('run', '--namespace', 'boat', '--imu-topic', '/xsens/imu'),
+            verb('record', '--namespace', 'boat', '--output', output),
+        ):
+            # imu_buffer, predictor and the recorder
+            wait_for(lambda: bench.imu.get_subscription_count() >= 3, 'the recorder at the sensor')
+            for _ in range(sent):
+                bench.imu.publish(Imu())
+                time.sleep(0.01)
+    finally:
+        bench.close()
+    assert 0 < len(decoded(output, '/xsens/imu')) <= sent
+
+
+def test_a_recorder_without_a_sensor_warns_soon_and_at_the_end(tmp_path, bench):
+    sea = bench.publisher(String, '/sea/state', LATCHED)
+    sea.publish(String(data='calm'))
+    with command_line('record', '--output', tmp_path / 'run.mcap') as recorder:
+        told = ''
+        while 'no message on /imu/data (nobody publishes it)' not in told or 'recording /sea/state' not in told:
+            assert (line := recorder.stdout.readline()), told
+            told += line
+        wait_for(lambda: sea.get_subscription_count() > 0, 'the recorder at the sea state')
+        time.sleep(SETTLING)
+        for _ in range(2):
+            recorder.send_signal(signal.SIGINT)
+        rest, _ = recorder.communicate(timeout=PATIENCE)
+        assert recorder.returncode == 0 and 'no message on /imu/data' in rest and 'Traceback' not in told + rest
+    assert len(decoded(tmp_path / 'run.mcap', '/sea/state')) == 1
 
 
 def test_a_killed_recording_can_be_read(bag, tmp_path):

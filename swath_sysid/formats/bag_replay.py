@@ -1,14 +1,18 @@
 """A bag as it is published again: its topics, its serialised messages in the order of recording, and their times."""
 
 import heapq
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from rosbags.interfaces import QosDurability
 
 from swath_sysid.attitude.motion.intake import NANOSECOND
+from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import intact_messages
+from swath_sysid.formats.output_bag import is_output
 from swath_sysid.formats.topics import IMU, LATCHED_TOPICS
 
 
@@ -22,6 +26,7 @@ class ReplaySettings:
     wait: float = 15.0  #: s; the longest wait for subscriptions before the start.
     listeners: int = 0  #: Subscriptions (to the IMU, if the bag has one) to wait for; 0: those that are found.
     in_step: bool = False  #: Stay near the stamp of the newest ``forecast/next``.
+    topics: tuple[str, ...] = ()  #: To publish; none: all but those that the nodes publish themselves.
 
     def __post_init__(self) -> None:
         if not self.rate > 0.0:
@@ -58,15 +63,36 @@ def recorded_topics(readers: Sequence[Any]) -> dict[str, RecordedTopic]:
     return found
 
 
-def merged_messages(readers: Sequence[Any], topics: Collection[str]) -> Iterator[tuple[int, str, bytes]]:
-    """The messages of some topics in the order of recording: time of reception, ns, topic, serialised message."""
-    streams = [
-        (
-            (received, number, connection.topic, bytes(raw))
-            for connection, received, raw in reader.messages([c for c in reader.connections if c.topic in topics])
+def chosen_topics(recorded: Mapping[str, RecordedTopic], asked: Sequence[str]) -> dict[str, RecordedTopic]:
+    """The topics asked for, else those that the nodes do not publish themselves."""
+    names = {topic.strip('/') for topic in asked}
+    chosen = {
+        topic: each
+        for topic, each in recorded.items()
+        if (topic.strip('/') in names if names else not is_output(topic, each.kind))
+    }
+    held = f'it holds {", ".join(recorded) or "none"}'
+    if unknown := names - {topic.strip('/') for topic in chosen}:
+        raise InputError(f'the bag has no topic /{min(unknown)}: {held}')
+    if not chosen:
+        raise InputError(
+            f'the bag has no topic that the nodes do not publish themselves: choose one; {held}', 'outputs-only'
         )
-        for number, reader in enumerate(readers)
-    ]
+    return chosen
+
+
+def merged_messages(
+    path: str | Path, readers: Sequence[Any], topics: Collection[str], advice: list[Advice]
+) -> Iterator[tuple[int, str, bytes]]:
+    """The messages of some topics in the order of recording: time of reception, ns, topic, serialised message. Advice
+    reports what is damaged.
+    """
+
+    def stream(number: int) -> Iterator[tuple[int, int, str, bytes]]:
+        for connection, received, raw in intact_messages(path, [readers[number]], topics, advice):
+            yield received, number, connection.topic, bytes(raw)
+
+    streams = [stream(number) for number in range(len(readers))]
     for received, _, topic, raw in heapq.merge(*streams, key=lambda message: message[:2]):
         yield received, topic, raw
 

@@ -1,17 +1,23 @@
 """Rosbag2 bags: IMU topics as trials, and trials as IMU topics."""
 
+import os
 import re
+import shutil
+import sqlite3
 import tempfile
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
+import yaml
 from rosbags.rosbag2 import Reader
+from rosbags.rosbag2.reader import zstd
 
 from swath_sysid.attitude.motion.attitude import Installation, body_rates, quaternion
 from swath_sysid.attitude.motion.cleaning import ACCEL, GYRO, QUATERNION, assemble_trial
@@ -28,6 +34,12 @@ from swath_sysid.formats.text_tables import NamedColumns
 from swath_sysid.formats.topics import IMU, LEADS, NEXT_TOPIC, ODOMETRY
 
 METADATA_FILE = 'metadata.yaml'
+ZSTD = b'\x28\xb5\x2f\xfd'  #: How what was compressed with zstd begins, as no serialised message does.
+#: Tables of a database that messages are read from, and their columns.
+ROWS = {
+    'topics': 'id, name, type, serialization_format, offered_qos_profiles',
+    'messages': 'id, topic_id, timestamp, data',
+}
 
 _ANGLES = {'roll': 'x', 'pitch': 'y', 'yaw': 'z'}
 _ORIENTATION = {f'q{part}': part for part in 'xyzw'}
@@ -252,25 +264,33 @@ def _imu_layout(encoding: bytes, name_length: bytes, size: int) -> np.dtype | No
 
 @contextmanager
 def opened_bag(path: str | Path) -> Iterator[tuple[list[Any], list[Advice]]]:
-    """The open rosbags readers of a bag folder or storage file, in recording order, and advice about damage."""
+    """The open readers of a bag folder or storage file, in recording order, and advice about damage."""
     with ExitStack() as stack:
         found = existing(path)
         yield (_open_folder if found.is_dir() else _open_storage)(found, stack)
 
 
 def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]:
-    problem = 'its metadata.yaml is missing'
+    files, expected, problem = _storage_files(path), 0, 'its metadata.yaml is missing'
     if (path / METADATA_FILE).is_file():
         try:
-            return [stack.enter_context(Reader(path))], []
-        except Exception as error:  # the libraries raise whatever a broken byte leads them to
-            problem = _reason(path, error)
-    files = _storage_files(path)
+            content = yaml.safe_load((path / METADATA_FILE).read_bytes())['rosbag2_bagfile_information']
+            listed = [path / Path(name).name for name in content['relative_file_paths']]
+            expected = int(content['message_count'])
+            absent = [file.name for file in listed if not file.is_file()]
+            problem = (
+                f'{", ".join(absent)} is missing' if absent else '' if listed else 'its metadata.yaml lists no file'
+            )
+            files = listed if not problem else files
+        except Exception as error:  # the library raises whatever a broken byte leads it to
+            problem = f'its metadata.yaml cannot be read: {_reason(path, error)}'
     # rosbag2 numbers the files of one bag
-    names = sorted({re.sub(r'_\d+$', '', file.stem) for file in files})
-    if len(names) > 1:
+    names = sorted({re.sub(r'_\d+$', '', _unpacked_name(file).stem) for file in files})
+    if problem and len(names) > 1:
         raise InputError(f'{path} holds several bags ({", ".join(names)}): give one of them')
-    readers, advice = [], [Advice.of('damaged-bag', path=path, reason=problem)]
+    if not files:
+        raise InputError(f'{path} is no readable rosbag2 bag ({problem}): give a bag folder, or a .mcap or .db3 file')
+    readers, advice = [], [Advice.of('damaged-bag', path=path, reason=problem)] if problem else []
     for file in files:
         try:
             opened, more = _open_storage(file, stack)
@@ -278,48 +298,103 @@ def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]
             opened, more = [], [Advice('damaged-bag', str(error))]
         readers += opened
         advice += more
-    if len(advice) == 1 and not readers:
-        raise InputError(f'{path} is no readable rosbag2 bag ({problem}): give a bag folder, or a .mcap or .db3 file')
     if not readers:
         raise InputError(advice[-1].message)
+    lost = expected - sum(c.msgcount for reader in readers for c in reader.connections)
+    if lost > 0:
+        advice.append(Advice.of('incomplete-bag', path=path, lost=lost, expected=expected, share=lost / expected))
     return readers, advice
 
 
+class _Storage:
+    """An open storage file, whose messages are unpacked where a recorder has compressed each."""
+
+    def __init__(self, file: Path, kind: str, stack: ExitStack) -> None:
+        # the library makes an address of the name of a database
+        self._reader = Reader.STORAGE_PLUGINS[kind](Path(quote(os.fsencode(file))) if kind == '.db3' else file)
+        self._reader.open()
+        stack.callback(self._reader.close)
+        self.connections = self._reader.connections
+
+    def messages(self, connections: Collection[Any]) -> Iterator[tuple[Any, int, bytes]]:
+        """Connection, time of reception, ns, and bytes, by that time or, without an index, as they lie there."""
+        scan = getattr(self._reader, 'messages_scan', None)
+        read = scan if scan and not getattr(self._reader, 'chunks', None) else self._reader.messages
+        for connection, time_ns, raw in read(connections):
+            is_packed = isinstance(raw, bytes) and raw.startswith(ZSTD)
+            yield connection, time_ns, zstd.decompress(raw) if is_packed else raw
+
+
 def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]:
-    with reading(path):
-        kind = _storage_kind(path)
-    if kind is None:
-        raise InputError(f'{path} is neither an mcap nor a SQLite file: give a rosbag2 bag')
-
-    def opened(file: Path) -> list[Any]:
-        storage = Reader.STORAGE_PLUGINS[kind](file)
-        storage.open()
-        return [stack.enter_context(closing(storage))]
-
+    file, kind = path, None
     try:
-        if kind == '.mcap' and (damage := damage_of(path)):
-            raise InputError(damage)
-        return opened(path), []
-    except Exception as error:  # as above
-        reason = _reason(path, error)
-        if kind != '.mcap':
-            raise InputError(
-                f"{path} is damaged ({reason}): recover it with sqlite3 OLD.db3 '.recover' | sqlite3 NEW.db3"
-            ) from error
+        with reading(path):
+            file = _whole_file(path, stack)
+            kind = _storage_kind(file)
+            if kind is None:
+                raise InputError(f'{path} is neither an mcap nor a SQLite file: give a rosbag2 bag')
+            if kind == '.mcap' and (damage := damage_of(file)):
+                raise ValueError(damage)
+        return [_Storage(file, kind, stack)], []
+    except InputError:
+        raise
+    except Exception as error:  # the libraries raise whatever a broken byte leads them to
+        reason = _reason(file, error)
     try:
-        mended = Path(stack.enter_context(tempfile.TemporaryDirectory())) / path.name
-        copy_whole_records(path, mended)
-        return opened(mended), [Advice.of('damaged-bag', path=path, reason=reason)]
+        mended = _temporary(stack)
+        (copy_whole_records if kind == '.mcap' else _copy_readable_rows)(file, mended)
+        return [_Storage(mended, str(kind), stack)], [Advice.of('damaged-bag', path=path, reason=reason)]
     except Exception as error:  # as above
-        raise InputError(f'{path} is damaged beyond reading ({_reason(path, error)}): record it again') from error
+        raise InputError(f'{path} is damaged beyond reading ({_reason(mended, error)}): record it again') from error
+
+
+def _whole_file(path: Path, stack: ExitStack) -> Path:
+    """A storage file, or a temporary one: unpacked, or with what SQLite had still to bring into a database."""
+    with open(path, 'rb') as file:
+        if file.read(len(ZSTD)) == ZSTD:
+            file.seek(0)
+            unpacked = _temporary(stack)
+            # what was cut off has no end, and is recognised as damaged after this
+            with zstd.open(file) as source, open(unpacked, 'wb') as target, suppress(EOFError):
+                shutil.copyfileobj(source, target)
+            return unpacked
+    journals = {ending: Path(f'{path}{ending}') for ending in ('', '-wal', '-journal')}
+    if not any(os.path.isfile(each) and os.path.getsize(each) for ending, each in journals.items() if ending):
+        return path
+    copy = _temporary(stack)
+    for ending, each in journals.items():
+        if os.path.isfile(each):
+            shutil.copyfile(each, f'{copy}{ending}')
+    with closing(sqlite3.connect(copy)) as database:
+        database.execute('PRAGMA journal_mode = DELETE')
+    return copy
+
+
+def _temporary(stack: ExitStack) -> Path:
+    return Path(stack.enter_context(tempfile.TemporaryDirectory()), 'bag')
+
+
+def _copy_readable_rows(path: Path, target: Path) -> None:
+    """Copy a damaged database, which SQLite itself refuses altogether, up to the first row that cannot be read."""
+    with closing(sqlite3.connect(path)) as old, closing(sqlite3.connect(target)) as new:
+        old.executescript('PRAGMA query_only = ON; PRAGMA writable_schema = ON')
+        for table, columns in ROWS.items():
+            new.execute(f'CREATE TABLE {table} ({columns})')
+            values = ', '.join('?' * len(columns.split()))
+            with suppress(sqlite3.DatabaseError):
+                new.executemany(f'INSERT INTO {table} VALUES ({values})', old.execute(f'SELECT {columns} FROM {table}'))
+        new.commit()
 
 
 def _storage_files(folder: Path) -> list[Path]:
     """The storage files in a folder, in the order in which a recorder numbers them."""
-    return sorted(
-        (file for file in folder.iterdir() if file.suffix in STORAGES and file.is_file()),
-        key=lambda file: (len(file.name), file.name),
-    )
+    found = {_unpacked_name(file): file for file in sorted(folder.iterdir(), reverse=True) if file.is_file()}
+    names = (name for name in found if name.suffix in STORAGES)
+    return [found[name] for name in sorted(names, key=lambda name: (len(name.name), name.name))]
+
+
+def _unpacked_name(file: Path) -> Path:
+    return file.with_suffix('') if file.suffix == '.zstd' else file
 
 
 def _storage_kind(path: Path) -> str | None:
@@ -362,11 +437,14 @@ def intact_messages(
     """Connection, time of reception, ns, and bytes of the messages of topics; advice reports what is damaged."""
     for reader in readers:
         connections = [c for c in reader.connections if c.topic in topics]
-        if connections:
-            try:
-                yield from reader.messages(connections)
-            except Exception as error:  # the libraries raise whatever a broken byte leads them to
-                advice.append(Advice.of('damaged-bag', path=path, reason=_reason(path, error)))
+        read = 0
+        try:
+            for message in reader.messages(connections) if connections else ():
+                read += 1
+                yield message
+        except Exception as error:  # the libraries raise whatever a broken byte leads them to
+            reason = f'{_reason(path, error)} after {read} of {sum(c.msgcount for c in connections)} messages'
+            advice.append(Advice.of('damaged-bag', path=path, reason=reason))
 
 
 def _reason(path: str | Path, error: object) -> str:

@@ -20,6 +20,8 @@ MAGIC = BAGS['.mcap']
 FOOTER, CHUNK, DATA_END = b'\x02', b'\x06', b'\x0f'
 HEAD = struct.Struct('<cQ')
 FOOTER_BYTES = HEAD.size + 20 + len(MAGIC)
+#: Of a file without an index.
+ENDING = HEAD.pack(DATA_END, 4) + bytes(4) + HEAD.pack(FOOTER, 20) + bytes(20) + MAGIC
 CHUNK_BEGIN = struct.Struct('<QQQ')  #: First and last time and uncompressed size of a chunk; its checksum follows.
 
 
@@ -74,7 +76,18 @@ def add_checksums(path: Path) -> None:
             elif code == DATA_END:
                 write(at, _sum_of(file, 0, at - HEAD.size))
         end = file.seek(0, os.SEEK_END) - len(MAGIC) - 4
-        write(end, _sum_of(file, _number(file, end + 4 + len(MAGIC) - FOOTER_BYTES + HEAD.size, 8), end))
+        if summary_start := _number(file, end + 4 + len(MAGIC) - FOOTER_BYTES + HEAD.size, 8):
+            write(end, _sum_of(file, summary_start, end))
+
+
+def cut_off(path: Path, size: int) -> None:
+    """Make a whole file, without an index, of the first bytes of one that cannot grow."""
+    os.truncate(path, size)
+    with open(path, 'ab') as file:
+        file.write(ENDING)
+        file.flush()
+        os.fsync(file.fileno())
+    add_checksums(path)
 
 
 def copy_whole_records(path: Path, target: Path) -> None:
@@ -95,7 +108,7 @@ def copy_whole_records(path: Path, target: Path) -> None:
             if head[:1] != CHUNK or _number(source, source.tell() + CHUNK_BEGIN.size + 4):
                 break
             source.seek(8, os.SEEK_CUR)
-        copy.write(HEAD.pack(FOOTER, 20) + bytes(20) + MAGIC)
+        copy.write(ENDING)
 
 
 def _chunk_holds(content: bytes) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +13,11 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.common.wings import handed_in
 from swath_sysid.formats import messages, topics
 from swath_sysid.formats.files import replacing
 from swath_sysid.formats.forecast_output import ForecastMessages
-from swath_sysid.formats.mcap_checksums import add_checksums
+from swath_sysid.formats.mcap_checksums import add_checksums, cut_off
 from swath_sysid.formats.messages import typestore
 from swath_sysid.formats.model_file import model_to_yaml
 from swath_sysid.formats.topics import QUIESCENCE_TOPIC, TYPES, type_of
@@ -138,41 +139,82 @@ class Recording:
                 f'{self._folder} holds what a recording that was killed had written, and can be read as a bag: move it '
                 'away, or choose another name'
             )
-        self._store = typestore()
-        self._writer = Writer(self._folder, version=9, storage_plugin=StoragePlugin.MCAP)
-        try:
-            self._writer.open()
-        except OSError as error:
-            raise InputError(f'cannot write {path}: {error.strerror}; choose another folder') from error
+        self._writer: Writer | None = None
+        self._saved: list[tuple[int, int]] = []  # of the last two: size of the file, time of its newest message, ns
         self.counts: dict[str, int] = {}
 
     def add_topic(self, topic: str, kind: str, latched: bool, reliable: bool) -> Callable[[int, bytes], None]:
         """Begin with a topic; returns a function that takes time, ns, and serialised message."""
-        connection = self._writer.add_connection(
-            topic, kind, typestore=self._store, offered_qos_profiles=[offered_qos(latched, reliable)]
+        if self._writer is None:
+            self._writer = Writer(self._folder, version=9, storage_plugin=StoragePlugin.MCAP)
+            try:
+                self._writer.open()
+            except OSError as error:
+                raise InputError(f'cannot write {self.path}: {error.strerror}; choose another folder') from error
+        writer = self._writer
+        connection = writer.add_connection(
+            topic, kind, typestore=typestore(), offered_qos_profiles=[offered_qos(latched, reliable)]
         )
         self.counts[topic] = 0
 
         def write(time_ns: int, raw: bytes) -> None:
-            self._writer.write(connection, time_ns, raw)
+            try:
+                writer.write(connection, time_ns, raw)
+            except OSError as error:
+                raise self._cut_short(error) from error
             self.counts[topic] += 1
 
         return write
 
     def save(self) -> None:
         """Bring what has come to the disk, as a whole chunk."""
-        storage: Any = self._writer.storage
-        if storage.chunk.bio.tell():
-            storage.close_chunk()
-            storage.bio.flush()
-            os.fsync(storage.bio.fileno())
+        storage: Any = self._writer and self._writer.storage
+        if storage and storage.chunk.bio.tell():
+            try:
+                storage.close_chunk()
+                storage.bio.flush()
+                os.fsync(storage.bio.fileno())
+            except OSError as error:
+                raise self._cut_short(error) from error
+            self._saved = [*self._saved[-1:], (storage.bio.tell(), storage.message_end_time)]
 
     def close(self) -> None:
-        """Finish the file and give it its name."""
-        self._writer.close()
-        add_checksums(self._folder / f'{self._folder.name}.mcap')
-        os.replace(self._folder / f'{self._folder.name}.mcap', self.path)
+        """Finish the file and give it its name; without a message there is none."""
+        if self._writer is None:
+            return
+        try:
+            self._writer.close()
+            add_checksums(self._file)
+            self._finish()
+        except OSError as error:
+            raise self._cut_short(error) from error
+
+    @property
+    def _file(self) -> Path:
+        return self._folder / f'{self._folder.name}.mcap'
+
+    def _finish(self) -> None:
+        if any(self.counts.values()):
+            os.replace(self._file, self.path)
         shutil.rmtree(self._folder)
+        self._writer = None
+
+    def _cut_short(self, error: OSError) -> InputError:
+        """Finish what was saved before the disk took no more: what to say then."""
+        storage: Any = self._writer and self._writer.storage
+        self._writer = None
+        with suppress(OSError):  # what it still holds does not fit
+            storage.bio.close()
+        told = f'the recording {self.path} ended, because the disk takes no more ({error.strerror})'
+        # to end a file takes less than the last part of it
+        for size, end_ns in reversed(self._saved):
+            with suppress(OSError):
+                cut_off(self._file, size)
+                self._finish()
+                reach = (end_ns - storage.message_start_time) / messages.SECOND_NS
+                return InputError(f'{told}: {self.path} is whole and holds the first {reach:.0f} s. Free some space')
+        left = f'{self._folder} can be read as a bag' if self._saved else 'nothing was saved; choose another folder'
+        return InputError(f'{told}: {left}')
 
 
 def is_ours(topic: str, kinds: Sequence[str]) -> bool:
@@ -184,3 +226,10 @@ def is_ours(topic: str, kinds: Sequence[str]) -> bool:
     if is_forecast:
         return kinds[0] == type_of(f'forecast/{rest}')
     return any(name.endswith(f'/{ours}') and kinds[0] == kind for ours, kind in OURS.items())
+
+
+def is_output(topic: str, kind: str) -> bool:
+    """Whether a topic, in whatever namespace, is one that the nodes publish."""
+    name = f'/{topic.strip("/")}'
+    of_wings = any(f'/{beginning}' in name for beginning in handed_in('topics'))
+    return of_wings or is_ours(topic, [kind]) and not name.endswith(f'/{topics.IMU_TOPIC}')

@@ -13,7 +13,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.bag_replay import ReplaySettings, Timeline, merged_messages, recorded_topics
+from swath_sysid.formats.bag_replay import ReplaySettings, Timeline, chosen_topics, merged_messages, recorded_topics
 from swath_sysid.formats.bags import opened_bag
 from swath_sysid.formats.messages import SECOND_NS, raw_stamp_ns, stamp_ns
 from swath_sysid.formats.topics import NEXT_TOPIC, is_within
@@ -31,14 +31,16 @@ class Replay(Node):
 
     def __init__(self, path: str | Path, settings: ReplaySettings, should_stop: Callable[[], bool]):
         super().__init__('replay')
-        self._replaying = settings
+        self._path, self._replaying = path, settings
         self._should_stop = should_stop
         self._open = ExitStack()
         self.sent = 0
         self._clock_published = -CLOCK_PERIOD
         try:
             self._readers, self.advice = self._open.enter_context(opened_bag(path))
-            self._recorded = recorded_topics(self._readers)
+            recorded = recorded_topics(self._readers)
+            self._recorded = chosen_topics(recorded, settings.topics)
+            self.left_out = sorted(recorded.keys() - self._recorded.keys())
             classes = {topic: message_class(recorded.kind) for topic, recorded in self._recorded.items()}
             self.unknown_types = {self._recorded[topic].kind for topic, found in classes.items() if found is None}
             self.outlets = {topic: self._outlet(topic, found) for topic, found in classes.items() if found is not None}
@@ -103,7 +105,7 @@ class Replay(Node):
 
     def _play_once(self) -> None:
         timeline: Timeline | None = None
-        for time_ns, topic, raw in merged_messages(self._readers, self.outlets):
+        for time_ns, topic, raw in merged_messages(self._path, self._readers, self.outlets, self.advice):
             timeline = timeline or Timeline(time.monotonic(), time_ns, self._replaying.rate)
             if not self._wait_for(time_ns, timeline):
                 return
