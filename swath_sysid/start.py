@@ -5,10 +5,29 @@ that swallows it. Nothing is under way by then, so the process just ends.
 """
 
 import os
-import signal
 import sys
-from contextlib import suppress
-from importlib import import_module
+
+
+def _import_nothing_from_the_working_folder() -> None:
+    """Here and in child processes, unless PYTHONPATH names it: `-m`, `-c` and an empty entry of PYTHONPATH put it among
+    the places of modules, and it may hold a download called signal.py.
+    """
+    os.environ['PYTHONSAFEPATH'] = '1'
+    given = [entry for entry in os.environ.get('PYTHONPATH', '').split(os.pathsep) if entry]
+    os.environ['PYTHONPATH'] = os.pathsep.join(given)
+    try:
+        kept = {os.path.dirname(os.path.dirname(os.path.abspath(__file__))), *map(os.path.abspath, given)}
+        sys.path[:] = [entry for entry in sys.path if entry in kept or (entry and entry != os.getcwd())]
+    except FileNotFoundError:
+        return  # a folder that has been deleted has no modules
+
+
+# before anything else is imported
+_import_nothing_from_the_working_folder()
+
+import signal  # noqa: E402
+from contextlib import suppress  # noqa: E402
+from importlib import import_module  # noqa: E402
 
 SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is the regular end of.
 

@@ -67,9 +67,9 @@ def test_the_simulated_craft_and_the_page_beside_the_nodes_hear_the_same_names(m
     assert command[-len(given.split()) :] == given.split()
     monkeypatch.setattr('swath_sysid.page.server.check_installed', lambda: None)
     command = run.page_command(parsed('--page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu'))
-    assert command[3:] == ['page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu']
+    assert command[4:] == ['page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu']
     assert run.page_command(parsed('--page', '--simulate', 'swath-pitch'))[-2:] == ['--axis', 'pitch']
-    assert run.page_command(parsed('--page', '--port', '0'))[3:] == ['page', '--port', '0']
+    assert run.page_command(parsed('--page', '--port', '0'))[4:] == ['page', '--port', '0']
 
 
 def test_without_ros_or_the_extra_of_the_page_it_says_what_to_install(monkeypatch):

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 from swath_sysid.cli.ros import ros_needed
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.processes import end_with_parent, ended, verb_command
+from swath_sysid.common.processes import end_with_parent, ended, module_command, verb_command
 from swath_sysid.common.wings import handed_in, named, wings
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.schema import plain_content, text_of
@@ -100,7 +100,7 @@ def processes_beside(arguments: Namespace) -> list[list[str]]:
 def craft_command(**parameters: Any) -> list[str]:
     """The process of a simulated craft with some parameters of its node."""
     given = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-    return [sys.executable, '-m', 'swath_sysid.nodes', 'simulated_craft', '--ros-args', *given]
+    return module_command('swath_sysid.nodes', 'simulated_craft', '--ros-args', *given)
 
 
 def page_command(arguments: Namespace) -> list[str]:
