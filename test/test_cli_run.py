@@ -29,7 +29,7 @@ def parsed(*words):
 def test_what_is_asked_for_is_handed_on_and_nothing_else(tmp_path, monkeypatch):
     assert run.ros_arguments(parsed()) == []
     monkeypatch.chdir(tmp_path)
-    Path('p.yaml').write_text('{}')
+    Path('p.yaml').write_text('/**: {ros__parameters: {use_sim_time: true}}')
     words = '--params-file p.yaml --model m.yaml --namespace /craft/ --imu-topic /sensor/imu --use-sim-time'
     ros = "--params-file p.yaml -p model_path:='m.yaml' -r __ns:=/craft -r imu/data:=/sensor/imu -p use_sim_time:=true"
     given = '-p seed:=2 --log-level warn'
@@ -123,6 +123,29 @@ def test_files_that_are_none_are_refused_before_anything_starts(node, tmp_path):
         with pytest.raises(InputError, match=str(name)):
             run.ros_arguments(parsed(*node, flag, str(name)))
     assert run.ros_arguments(parsed(*node, '--model', str(tmp_path / 'later.yaml')))
+
+
+def test_what_is_nearly_a_node_a_parameter_or_a_name_is_rejected_with_what_was_meant(tmp_path):
+    file = tmp_path / 'p.yaml'
+    file.write_text('/usv/predictor: {ros__parameters: {leads_s: [1]}}\n')
+    given = ['--ros-args', '--params-file', str(file)]
+    for namespace in (['--namespace', 'usv'], ['--ros-args', '-r', '__ns:=/usv']):
+        assert run.ros_arguments(parsed(*namespace[: 2 if '--namespace' in namespace else 3], *given))
+    assert run.ros_arguments(parsed('--only', 'predictor', *given, '-r', '__ns:=/usv', '-r', '__node:=predictor'))
+    for words, sentence in (
+        (given, 'no section for any of these nodes, only for others such as /usv/predictor'),
+        (['--params-file', str(file)], 'name one /.. or /imu_buffer'),
+        (['--ros-args', '-p', 'horizn_s:=5'], '-p: no node has a parameter horizn_s: did you mean horizon_s'),
+        (['--ros-args', '-p', 'nonsense:=5'], '-p: no node has a parameter nonsense; config/'),
+        (['--ros-args', '-p', 'predictor:window_s:=5'], 'predictor has no parameter window_s'),
+        (['--ros-args', '-p', 'in_step:=5'], 'in_step must be of the type'),
+        (['--namespace', 'usv-1'], "namespace 'usv-1': .* as in usv_1"),
+        (['--imu-topic', '/1imu/data'], "topic '/1imu/data': .* as in /_1imu/data"),
+        (['--imu-topic', 'imu data'], 'as in imu_data'),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            run.ros_arguments(parsed(*words))
+    assert run.ros_arguments(parsed('--imu-topic', '~/imu', '--ros-args', '-p', 'mounting_deg:=[15,-10,90]'))
 
 
 def test_whoever_comes_from_elsewhere_is_asked_for_a_token():
