@@ -25,6 +25,7 @@ def _import_nothing_from_the_working_folder() -> None:
 # before anything else is imported
 _import_nothing_from_the_working_folder()
 
+import io  # noqa: E402
 import signal  # noqa: E402
 from contextlib import suppress  # noqa: E402
 from importlib import import_module  # noqa: E402
@@ -43,6 +44,9 @@ def command_line() -> int:
     os.environ.setdefault('OMP_NUM_THREADS', '1')
     # figures are files; a backend that is named but not installed, such as Jupyter's, stops the import of matplotlib
     os.environ['MPLBACKEND'] = 'Agg'
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # the name of a file, whose bytes may be no UTF-8, is printed as it is
+        sys.stdout.reconfigure(errors='surrogateescape')
     verb = next((word for word in sys.argv[1:] if not word.startswith('-')), None)
     serving = verb in SERVING_VERBS
     interrupted = 128 + signal.SIGINT  # as shells have it

@@ -16,7 +16,10 @@ from package_process import environment
 from swath_sysid.cli import page, run
 from swath_sysid.cli.flags import add_arguments
 from swath_sysid.cli.main import VERBS, main
+from swath_sysid.cli.progress import progress_of
+from swath_sysid.cli.ros import ros_needed
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.schema import plain_content
 from swath_sysid.share import share_folder
 
 
@@ -288,3 +291,48 @@ def test_figures_are_drawn_whatever_backend_the_environment_names(tmp_path):
     )
     assert done.returncode == 0 and 'Traceback' not in done.stderr, done.stderr
     assert (tmp_path / 'decay.png').stat().st_size > 10_000
+
+
+def test_a_name_of_any_bytes_is_drawn_printed_and_stored_as_it_is(tmp_path):
+    (tmp_path / 'matplotlibrc').write_text('text.usetex: True\nfont.family: NoSuchFont\n')
+    name = b'd\xe9cay b$x_$%s [red]<b>&[|x].csv'
+    (tmp_path / os.fsdecode(name)).symlink_to(share_folder() / 'records' / 'kvlcc2_roll_decay.csv')
+    fit = b'--equation odd-cubic --axis roll --plot fit.png --output model.yaml'.split()
+    for words in ([b'inspect', name, b'--plot', b'record.svg'], [b'identify', name, *fit]):
+        command = [sys.executable, '-m', 'swath_sysid.start', *words]
+        done = subprocess.run(command, env=environment(), cwd=tmp_path, capture_output=True)
+        assert done.returncode == 0 and b'Traceback' not in done.stderr, done.stderr
+        assert name in done.stdout
+    assert r'd\xe9cay b$x_$%s [red]&lt;b&gt;&amp;[|x].csv' in (tmp_path / 'record.svg').read_text()
+    model = plain_content((tmp_path / 'model.yaml').read_text('utf-8'), 'model.yaml')
+    assert repr(r'd\xe9cay b$x_$%s [red]<b>&[|x].csv') in str(model)
+
+
+def test_a_bar_of_progress_shows_a_name_with_brackets(monkeypatch, capsys):
+    monkeypatch.setattr('sys.stderr.isatty', lambda: True, raising=False)
+    with progress_of('inspect') as progress:
+        progress(0.5, '[/x] [red]z')
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'sentence'),
+    [
+        ('ROS_DOMAIN_ID', '300', 'ROS_DOMAIN_ID is 300, which has no ports: give 0 to 232'),
+        (
+            'RMW_IMPLEMENTATION',
+            'rmw_other_cpp',
+            'rmw_other_cpp, which is not installed: install it, or give rmw_mine_cpp',
+        ),
+    ],
+)
+def test_what_would_end_ros_within_its_libraries_is_one_sentence(name, value, sentence, monkeypatch, tmp_path):
+    for library in ('rmw_mine_cpp', 'rmw_mine_shared_cpp', 'rmw_x__rosidl_typesupport_cpp'):
+        (tmp_path / f'lib{library}.so').touch()
+    monkeypatch.setenv('LD_LIBRARY_PATH', f'{tmp_path}:')
+    monkeypatch.setenv(name, value)
+    with pytest.raises(InputError, match=sentence), ros_needed():
+        pass
+    monkeypatch.setenv('ROS_DOMAIN_ID', '232')
+    monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_mine_cpp')
+    with ros_needed():
+        pass

@@ -133,7 +133,12 @@ def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
     os.environ.setdefault('OMP_NUM_THREADS', '1')
     # a worker starts as `python -c`, which would import modules of the working folder
     os.environ.setdefault('PYTHONSAFEPATH', '1')
-    executor = _Pool(count, multiprocessing.get_context('spawn'), initializer=_begin_worker)
+    try:
+        executor = _Pool(count, multiprocessing.get_context('spawn'), initializer=_begin_worker)
+    except OSError as error:
+        raise InputError(
+            f'worker processes cannot share memory ({error.strerror}): make /dev/shm writable, or work in one process'
+        ) from error
     try:
         yield executor
     except BaseException:
