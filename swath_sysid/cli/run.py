@@ -31,7 +31,7 @@ OTHER_TYPES = {
     'craft/loading': 'std_msgs/msg/Float64',
     '~/progress': 'std_msgs/msg/Float32',
     '~/record': 'std_srvs/srv/SetBool',
-    **dict.fromkeys((*(f'~/{name}' for name in OWN_TRIGGERS), 'imu_buffer/publish_window'), 'std_srvs/srv/Trigger'),
+    **dict.fromkeys((f'~/{name}' for name in OWN_TRIGGERS), 'std_srvs/srv/Trigger'),
     **handed_in('other_types'),
 }
 DIRECTIONS = {'publish': 'publishes', 'subscribe': 'subscribes to', 'reply': 'serves', 'request': 'calls'}
@@ -57,7 +57,8 @@ def _type_of(name: str) -> str:
     if name in TYPES or name.startswith(LEADS):
         return type_of(name)
     published = next((kind for beginning, kind in handed_in('topics').items() if name.startswith(beginning)), '')
-    return published or OTHER_TYPES.get(name, '')
+    # a service is another node's own
+    return published or OTHER_TYPES.get(name) or OTHER_TYPES.get(f'~/{name.rpartition("/")[2]}', '')
 
 
 def run(arguments: Namespace) -> int:
