@@ -178,7 +178,7 @@ def test_a_wrong_parameter_file_is_refused_by_a_sentence(tmp_path, text, sentenc
 
 #: As files of whole stacks hold them, with nodes and names that resemble ours.
 OF_OTHERS = """
-/**: {ros__parameters: {use_sim_time: true, robot_base_frame: base_link, map_frame: map, publish_rate: 10}}
+/**: {ros__parameters: {use_sim_time: true, robot_base_frame: base_link, publish_rate: 10, model: {path: a}}}
 imu_filter: {ros__parameters: {stateless: false, gain: 0.1}}
 /usv/predictor_2: {ros__parameters: {leads_s: [1.0]}}
 identified: {ros__parameters: {topic: /a}}

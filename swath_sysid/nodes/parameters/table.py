@@ -96,7 +96,8 @@ def every_name() -> frozenset[str]:
 
 def meant(word: str, known: Iterable[str]) -> str:
     """Which known name a word can only mean; empty where it may well be a name of another package."""
-    return next(iter(get_close_matches(word, sorted(known), 1, 0.8)), '')
+    # groups, but for that of the positions, are of other packages
+    return '' if '.' in word else next(iter(get_close_matches(word, sorted(known), 1, 0.8)), '')
 
 
 def parameters_of(node_name: str, values: Values | None = None) -> Table:
