@@ -141,7 +141,7 @@ def subscribe(node, listener):
 
 def verb(*words):
     """A verb in a process of its own."""
-    return subprocess.Popen([sys.executable, '-m', 'swath_sysid.cli.main', *map(str, words)])
+    return subprocess.Popen([sys.executable, '-P', '-m', 'swath_sysid.cli.main', *map(str, words)])
 
 
 def stop(processes):

@@ -5,10 +5,30 @@ that swallows it. Nothing is under way by then, so the process just ends.
 """
 
 import os
-import signal
 import sys
-from contextlib import suppress
-from importlib import import_module
+
+
+def _import_nothing_from_the_working_folder() -> None:
+    """Here and in child processes, unless PYTHONPATH names it: `-m`, `-c` and an empty entry of PYTHONPATH put it among
+    the places of modules, and it may hold a download called signal.py.
+    """
+    os.environ['PYTHONSAFEPATH'] = '1'
+    given = [entry for entry in os.environ.get('PYTHONPATH', '').split(os.pathsep) if entry]
+    os.environ['PYTHONPATH'] = os.pathsep.join(given)
+    try:
+        kept = {os.path.dirname(os.path.dirname(os.path.abspath(__file__))), *map(os.path.abspath, given)}
+        sys.path[:] = [entry for entry in sys.path if entry in kept or (entry and entry != os.getcwd())]
+    except FileNotFoundError:
+        return  # a folder that has been deleted has no modules
+
+
+# before anything else is imported
+_import_nothing_from_the_working_folder()
+
+import io  # noqa: E402
+import signal  # noqa: E402
+from contextlib import suppress  # noqa: E402
+from importlib import import_module  # noqa: E402
 
 SERVING_VERBS = ('run', 'page', 'replay', 'record')  #: Those that a signal is the regular end of.
 
@@ -24,6 +44,9 @@ def command_line() -> int:
     os.environ.setdefault('OMP_NUM_THREADS', '1')
     # figures are files; a backend that is named but not installed, such as Jupyter's, stops the import of matplotlib
     os.environ['MPLBACKEND'] = 'Agg'
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # the name of a file, whose bytes may be no UTF-8, is printed as it is
+        sys.stdout.reconfigure(errors='surrogateescape')
     verb = next((word for word in sys.argv[1:] if not word.startswith('-')), None)
     serving = verb in SERVING_VERBS
     interrupted = 128 + signal.SIGINT  # as shells have it

@@ -16,7 +16,10 @@ from package_process import environment
 from swath_sysid.cli import page, run
 from swath_sysid.cli.flags import add_arguments
 from swath_sysid.cli.main import VERBS, main
+from swath_sysid.cli.progress import progress_of
+from swath_sysid.cli.ros import ros_needed
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.schema import plain_content
 from swath_sysid.share import share_folder
 
 
@@ -29,7 +32,7 @@ def parsed(*words):
 def test_what_is_asked_for_is_handed_on_and_nothing_else(tmp_path, monkeypatch):
     assert run.ros_arguments(parsed()) == []
     monkeypatch.chdir(tmp_path)
-    Path('p.yaml').write_text('{}')
+    Path('p.yaml').write_text('/**: {ros__parameters: {use_sim_time: true}}')
     words = '--params-file p.yaml --model m.yaml --namespace /craft/ --imu-topic /sensor/imu --use-sim-time'
     ros = "--params-file p.yaml -p model_path:='m.yaml' -r __ns:=/craft -r imu/data:=/sensor/imu -p use_sim_time:=true"
     given = '-p seed:=2 --log-level warn'
@@ -67,9 +70,9 @@ def test_the_simulated_craft_and_the_page_beside_the_nodes_hear_the_same_names(m
     assert command[-len(given.split()) :] == given.split()
     monkeypatch.setattr('swath_sysid.page.server.check_installed', lambda: None)
     command = run.page_command(parsed('--page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu'))
-    assert command[3:] == ['page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu']
+    assert command[4:] == ['page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu']
     assert run.page_command(parsed('--page', '--simulate', 'swath-pitch'))[-2:] == ['--axis', 'pitch']
-    assert run.page_command(parsed('--page', '--port', '0'))[3:] == ['page', '--port', '0']
+    assert run.page_command(parsed('--page', '--port', '0'))[4:] == ['page', '--port', '0']
 
 
 def test_without_ros_or_the_extra_of_the_page_it_says_what_to_install(monkeypatch):
@@ -123,6 +126,29 @@ def test_files_that_are_none_are_refused_before_anything_starts(node, tmp_path):
         with pytest.raises(InputError, match=str(name)):
             run.ros_arguments(parsed(*node, flag, str(name)))
     assert run.ros_arguments(parsed(*node, '--model', str(tmp_path / 'later.yaml')))
+
+
+def test_what_is_nearly_a_node_a_parameter_or_a_name_is_rejected_with_what_was_meant(tmp_path):
+    file = tmp_path / 'p.yaml'
+    file.write_text('/usv/predictor: {ros__parameters: {leads_s: [1]}}\n')
+    given = ['--ros-args', '--params-file', str(file)]
+    for namespace in (['--namespace', 'usv'], ['--ros-args', '-r', '__ns:=/usv']):
+        assert run.ros_arguments(parsed(*namespace[: 2 if '--namespace' in namespace else 3], *given))
+    assert run.ros_arguments(parsed('--only', 'predictor', *given, '-r', '__ns:=/usv', '-r', '__node:=predictor'))
+    for words, sentence in (
+        (given, 'no section for any of these nodes, only for others such as /usv/predictor'),
+        (['--params-file', str(file)], 'name one /.. or /imu_buffer'),
+        (['--ros-args', '-p', 'horizn_s:=5'], '-p: no node has a parameter horizn_s: did you mean horizon_s'),
+        (['--ros-args', '-p', 'nonsense:=5'], '-p: no node has a parameter nonsense; config/'),
+        (['--ros-args', '-p', 'predictor:window_s:=5'], 'predictor has no parameter window_s'),
+        (['--ros-args', '-p', 'in_step:=5'], 'in_step must be of the type'),
+        (['--namespace', 'usv-1'], "namespace 'usv-1': .* as in usv_1"),
+        (['--imu-topic', '/1imu/data'], "topic '/1imu/data': .* as in /_1imu/data"),
+        (['--imu-topic', 'imu data'], 'as in imu_data'),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            run.ros_arguments(parsed(*words))
+    assert run.ros_arguments(parsed('--imu-topic', '~/imu', '--ros-args', '-p', 'mounting_deg:=[15,-10,90]'))
 
 
 def test_whoever_comes_from_elsewhere_is_asked_for_a_token():
@@ -265,3 +291,48 @@ def test_figures_are_drawn_whatever_backend_the_environment_names(tmp_path):
     )
     assert done.returncode == 0 and 'Traceback' not in done.stderr, done.stderr
     assert (tmp_path / 'decay.png').stat().st_size > 10_000
+
+
+def test_a_name_of_any_bytes_is_drawn_printed_and_stored_as_it_is(tmp_path):
+    (tmp_path / 'matplotlibrc').write_text('text.usetex: True\nfont.family: NoSuchFont\n')
+    name = b'd\xe9cay b$x_$%s [red]<b>&[|x].csv'
+    (tmp_path / os.fsdecode(name)).symlink_to(share_folder() / 'records' / 'kvlcc2_roll_decay.csv')
+    fit = b'--equation odd-cubic --axis roll --plot fit.png --output model.yaml'.split()
+    for words in ([b'inspect', name, b'--plot', b'record.svg'], [b'identify', name, *fit]):
+        command = [sys.executable, '-m', 'swath_sysid.start', *words]
+        done = subprocess.run(command, env=environment(), cwd=tmp_path, capture_output=True)
+        assert done.returncode == 0 and b'Traceback' not in done.stderr, done.stderr
+        assert name in done.stdout
+    assert r'd\xe9cay b$x_$%s [red]&lt;b&gt;&amp;[|x].csv' in (tmp_path / 'record.svg').read_text()
+    model = plain_content((tmp_path / 'model.yaml').read_text('utf-8'), 'model.yaml')
+    assert repr(r'd\xe9cay b$x_$%s [red]<b>&[|x].csv') in str(model)
+
+
+def test_a_bar_of_progress_shows_a_name_with_brackets(monkeypatch, capsys):
+    monkeypatch.setattr('sys.stderr.isatty', lambda: True, raising=False)
+    with progress_of('inspect') as progress:
+        progress(0.5, '[/x] [red]z')
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'sentence'),
+    [
+        ('ROS_DOMAIN_ID', '300', 'ROS_DOMAIN_ID is 300, which has no ports: give 0 to 232'),
+        (
+            'RMW_IMPLEMENTATION',
+            'rmw_other_cpp',
+            'rmw_other_cpp, which is not installed: install it, or give rmw_mine_cpp',
+        ),
+    ],
+)
+def test_what_would_end_ros_within_its_libraries_is_one_sentence(name, value, sentence, monkeypatch, tmp_path):
+    for library in ('rmw_mine_cpp', 'rmw_mine_shared_cpp', 'rmw_x__rosidl_typesupport_cpp'):
+        (tmp_path / f'lib{library}.so').touch()
+    monkeypatch.setenv('LD_LIBRARY_PATH', f'{tmp_path}:')
+    monkeypatch.setenv(name, value)
+    with pytest.raises(InputError, match=sentence), ros_needed():
+        pass
+    monkeypatch.setenv('ROS_DOMAIN_ID', '232')
+    monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_mine_cpp')
+    with ros_needed():
+        pass

@@ -10,6 +10,7 @@ import pytest
 
 import swath_sysid
 from swath_sysid.common.advice import FLAGS, SENTENCES, Advice
+from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import processes, results_in_order
 
 LONGEST = 300
@@ -85,3 +86,12 @@ def test_no_process_has_a_second_task_while_another_has_none(tmp_path):
     assert {next(results) for _ in range(5)} == {os.getpid()}
     (tmp_path / 'go').touch()
     assert next(results) != os.getpid()
+
+
+def test_processes_that_cannot_share_memory_are_one_sentence(monkeypatch):
+    def refused(*_, **__):
+        raise OSError(30, 'Read-only file system')
+
+    monkeypatch.setattr('multiprocessing.synchronize.SemLock.__init__', refused)
+    with pytest.raises(InputError, match=r'\(Read-only file system\): make /dev/shm writable'), processes(2):
+        pass

@@ -18,7 +18,7 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.optimisers import OPTIMISERS
 from swath_sysid.common.wings import handed_in
-from swath_sysid.nodes.parameters.parameter_files import configuration_file, values_from_file
+from swath_sysid.nodes.parameters.parameter_files import configuration_file, sections_of, values_from_file, values_of
 from swath_sysid.nodes.parameters.settings import craft_settings, pipeline_settings, refit_settings, window_settings
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module, parameters_of, table_of
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
@@ -151,7 +151,16 @@ def test_sections_of_a_parameter_file_apply_in_order(tmp_path):
             r'has no parameter leads \(did you mean leads_s\?\); it has frame',
         ),
         ('predictor: {ros__parameters: {points: [Bow]}}', "cannot hold 'Bow'"),
-        ('predictor: {ros__parameters: {horizon_s: 5}}', '1.0 instead of 1'),
+        ('predictor: {ros__parameters: {mounting_deg: [15, -10.5, 90]}}', r'as in \[15.0, -10.5\]'),
+        ('predictor: {ros__parameters: {in_step: 1}}', 'must be of the type of False'),
+        ('predcitor: {ros__parameters: {leads_s: [1.0]}}', 'no node predcitor: did you mean predictor'),
+        ('/usv/predcitor: {ros__parameters: {leads: [1.0]}}', 'no node predcitor: did you mean predictor'),
+        ('/**: {ros__parameters: {horizn_s: 5.0}}', 'a parameter horizn_s: did you mean horizon_s'),
+        ('usv: {"*": {ros__parameters: {horizn_s: 5.0}}}\n/usv/predictor: {ros__parameters: {frame: frd}}', 'horizn_s'),
+        ('/usv/predictor: {ros__parameters: {lead_s: [1.0]}}', 'did you mean leads_s'),
+        ('controller_server: {ros__parameters: {rate: 5.0}}', 'no section for any of these nodes, only for others'),
+        ('/a/predictor: {ros__parameters: {frame: frd}}\n/b/predictor: {ros__parameters: {}}', 'ros__parameters of /b'),
+        ('/a/predictor: {ros__parameters: {frame: frd}}\n/b/predictor: {ros__parameters: {frame: frd}}', '/a and /b'),
         ('predictor: {ros__parameters: {leads_s: 1.0}}', 'must be of the type of'),
         ('predictor: {leads_s: [1.0]}', 'is not a ROS parameter file'),
         ('', 'is not a ROS parameter file'),
@@ -165,6 +174,58 @@ def test_a_wrong_parameter_file_is_refused_by_a_sentence(tmp_path, text, sentenc
         values_from_file(path, 'predictor')
     with pytest.raises(InputError, match='cannot read'):
         values_from_file(tmp_path / 'missing.yaml', 'predictor')
+
+
+#: As files of whole stacks hold them, with nodes and names that resemble ours.
+OF_OTHERS = """
+/**: {ros__parameters: {use_sim_time: true, robot_base_frame: base_link, publish_rate: 10, model: {path: a}}}
+imu_filter: {ros__parameters: {stateless: false, gain: 0.1}}
+/usv/predictor_2: {ros__parameters: {leads_s: [1.0]}}
+identified: {ros__parameters: {topic: /a}}
+/nav/predictor: {ros__parameters: {model: mpc, steps: 5}}
+ekf_node: {ros__parameters: {frequency: 30.0, odom0_config: [true, false], process: {noise: {q: [1.0, 2.0]}}}}
+controller_server: {ros__parameters: {FollowPath: {plugin: mppi, horizon: 3}}}
+"""
+
+
+def test_what_a_file_holds_for_other_nodes_is_left_alone(tmp_path):
+    path = tmp_path / 'stack.yaml'
+    path.write_text(
+        OF_OTHERS + '/predictor: {ros__parameters: {leads_s: [2], mounting_deg: [15, -10, 90], horizon_s: 6}}\n'
+    )
+    found = values_from_file(path, 'predictor')
+    assert found == changed('predictor', leads_s=[2.0], mounting_deg=[15.0, -10.0, 90.0], horizon_s=6.0)
+    assert all(type(angle) is float for angle in (*found['mounting_deg'], found['horizon_s']))
+    assert values_from_file(path, 'imu_buffer') == defaults('imu_buffer')
+
+
+@pytest.mark.dds
+@pytest.mark.parametrize(
+    'text',
+    [
+        'predictor: {ros__parameters: {horizon_s: 1.5}}',
+        '/**: {ros__parameters: {horizon_s: 1.5, frame: frd}}\n/*/predictor: {ros__parameters: {horizon_s: 2.5}}\n'
+        '/**/predictor: {ros__parameters: {gate_patience: 7}}',
+        'usv: {predictor: {ros__parameters: {horizon_s: 1.5}}}\n/usv/a/predictor: {ros__parameters: {horizon_s: 3.5}}',
+        '/usv/predictor: {ros__parameters: {horizon_s: 1.5}}\n/**: {ros__parameters: {horizon_s: 2.5}}',
+        '/*: {ros__parameters: {horizon_s: 1.5}}\nusv: {"*": {ros__parameters: {gate_patience: 7}}, "**": '
+        '{ros__parameters: {frame: frd}}}',
+        '/**/predictor: {ros__parameters: {points: [bow]}}\n/**: {ros__parameters: {points: {bow: [1.0, 0.0, 0.0]}}}',
+    ],
+)
+def test_a_file_is_read_as_ros_reads_it(tmp_path, text):
+    rclpy = pytest.importorskip('rclpy')
+    path = tmp_path / 'parameters.yaml'
+    path.write_text(text)
+    for namespace in ('', '/usv', '/usv/a'):
+        context = rclpy.Context()
+        rclpy.init(context=context, args=['--ros-args', '--params-file', str(path), '-r', f'__ns:={namespace or "/"}'])
+        node = rclpy.create_node('predictor', context=context)
+        given = {name: parameter.value for name, parameter in node._parameter_overrides.items()}
+        node.destroy_node()
+        context.shutdown()
+        expected = {**defaults('predictor', given), **{n: list(v) if n[:2] == 'po' else v for n, v in given.items()}}
+        assert values_of(sections_of(path), 'predictor', f'{namespace}/predictor') == expected
 
 
 def test_the_parameters_for_small_computers_are_known_and_cost_less():

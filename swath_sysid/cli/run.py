@@ -1,23 +1,27 @@
 """The verb ``run``: imu_buffer, identifier and predictor in one process, or one node; or their topics."""
 
 import os
+import re
 import subprocess
 import sys
 from argparse import Namespace
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 from swath_sysid.cli.ros import ros_needed
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.processes import end_with_parent, ended, verb_command
+from swath_sysid.common.processes import end_with_parent, ended, module_command, verb_command
 from swath_sysid.common.wings import handed_in, named, wings
+from swath_sysid.formats.files import shown
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.formats.schema import plain_content, text_of
+from swath_sysid.formats.schema import plain_content
 from swath_sysid.formats.topics import IMU_TOPIC, LEADS, TYPES, type_of
+from swath_sysid.nodes.parameters.parameter_files import OPTION, Section, check_sections, sections_of
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module
 from swath_sysid.share import share_folder
 
@@ -27,7 +31,7 @@ OTHER_TYPES = {
     'craft/loading': 'std_msgs/msg/Float64',
     '~/progress': 'std_msgs/msg/Float32',
     '~/record': 'std_srvs/srv/SetBool',
-    **dict.fromkeys((*(f'~/{name}' for name in OWN_TRIGGERS), 'imu_buffer/publish_window'), 'std_srvs/srv/Trigger'),
+    **dict.fromkeys((f'~/{name}' for name in OWN_TRIGGERS), 'std_srvs/srv/Trigger'),
     **handed_in('other_types'),
 }
 DIRECTIONS = {'publish': 'publishes', 'subscribe': 'subscribes to', 'reply': 'serves', 'request': 'calls'}
@@ -53,7 +57,8 @@ def _type_of(name: str) -> str:
     if name in TYPES or name.startswith(LEADS):
         return type_of(name)
     published = next((kind for beginning, kind in handed_in('topics').items() if name.startswith(beginning)), '')
-    return published or OTHER_TYPES.get(name, '')
+    # a service is another node's own
+    return published or OTHER_TYPES.get(name) or OTHER_TYPES.get(f'~/{name.rpartition("/")[2]}', '')
 
 
 def run(arguments: Namespace) -> int:
@@ -100,7 +105,7 @@ def processes_beside(arguments: Namespace) -> list[list[str]]:
 def craft_command(**parameters: Any) -> list[str]:
     """The process of a simulated craft with some parameters of its node."""
     given = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-    return [sys.executable, '-m', 'swath_sysid.nodes', 'simulated_craft', '--ros-args', *given]
+    return module_command('swath_sysid.nodes', 'simulated_craft', '--ros-args', *given)
 
 
 def page_command(arguments: Namespace) -> list[str]:
@@ -130,11 +135,9 @@ def process_beside(command: list[str], **options: Any) -> Iterator[subprocess.Po
 
 def ros_arguments(arguments: Namespace) -> list[str]:
     """What follows ``--ros-args`` for the nodes."""
-    given = []
-    if arguments.params_file:
-        # ROS would log a line of its own before its sentence
-        plain_content(text_of(arguments.params_file, 'parameter file'), arguments.params_file)
-        given += ['--params-file', arguments.params_file]
+    given = ['--params-file', arguments.params_file] if arguments.params_file else []
+    # ROS would log a line of its own before its sentence, and would be silent about a name that is misspelt
+    check_sections([*_given_sections([*given, *arguments.ros_args])], full_names(arguments))
     if arguments.model:
         node = arguments.only or 'identifier'
         if node not in MODEL_PARAMETERS:
@@ -154,14 +157,46 @@ def ros_arguments(arguments: Namespace) -> list[str]:
     return [*given, *arguments.ros_args]
 
 
+def full_names(arguments: Namespace) -> dict[str, str]:
+    """Node to its name with its namespace."""
+    names = {node: [(arguments.namespace or '').strip('/'), node] for node in NODES}
+    for word in arguments.ros_args:
+        if found := re.fullmatch(r'(?:(\w+):)?__(ns|node):=(.*)', word):
+            named = found[1] or arguments.only
+            for node in [named] if named in names else [] if named else NODES:
+                names[node][found[2] == 'node'] = found[3].strip('/')
+    return {node: '/' + '/'.join(filter(None, parts)) for node, parts in names.items()}
+
+
+def _given_sections(words: Sequence[str]) -> Iterator[Section]:
+    """What parameter files and `-p` set, in their order."""
+    for flag, word in pairwise(words):
+        if flag == '--params-file':
+            yield from sections_of(word)
+        elif flag in ('-p', '--param') and (found := re.fullmatch(r'(?:([\w/*]+):)?([\w.]+):=(.*)', word, re.DOTALL)):
+            yield Section(OPTION, f'/**/{found[1] or "**"}', {found[2]: plain_content(found[3], word)})
+
+
 def remappings(arguments: Namespace) -> list[str]:
     """What `--namespace` and, of a verb that has it, `--imu-topic` are to ROS."""
     given = []
     if arguments.namespace:
-        given += ['-r', f'__ns:=/{arguments.namespace.strip("/")}']
+        given += ['-r', f'__ns:=/{_ros_name("namespace", arguments.namespace.strip("/"))}']
     if getattr(arguments, 'imu_topic', None):
-        given += ['-r', f'{IMU_TOPIC}:={arguments.imu_topic}']
+        given += ['-r', f'{IMU_TOPIC}:={_ros_name("topic", arguments.imu_topic)}']
     return given
+
+
+def _ros_name(kind: str, name: str) -> str:
+    part = r'([A-Za-z_]\w*|\{\w+\})'
+    if not re.fullmatch(f'(/|~/)?{part}(/{part})*', name, re.ASCII):
+        parts = [re.sub(r'\W', '_', word, flags=re.ASCII) for word in name.split('/') if word]
+        near = '/'.join(f'_{word}' if word[0].isdigit() else word for word in parts)
+        raise InputError(
+            f"ROS rejects the {kind} '{shown(name)}': between slashes it takes letters, digits and underscores, and no "
+            f'digit first' + (f', as in {"/" * name.startswith("/")}{near}' if near else '')
+        )
+    return name
 
 
 def _quoted(text: str):

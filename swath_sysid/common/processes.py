@@ -43,9 +43,14 @@ class SerialExecutor(Executor):
         return future
 
 
+def module_command(module: str, *words: str) -> list[str]:
+    """The words that run a module in a process of its own, which imports nothing from the working folder."""
+    return [sys.executable, '-P', '-m', module, *words]
+
+
 def verb_command(verb: str, *options: str) -> list[str]:
     """The words that run a verb of the command line in a process of its own."""
-    return [sys.executable, '-m', 'swath_sysid.start', verb, *options]
+    return module_command('swath_sysid.start', verb, *options)
 
 
 def end_with_parent() -> None:
@@ -126,7 +131,14 @@ class _Pool(ProcessPoolExecutor):
 def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
     # read when a worker imports numpy: more threads than cores would only get in each other's way
     os.environ.setdefault('OMP_NUM_THREADS', '1')
-    executor = _Pool(count, multiprocessing.get_context('spawn'), initializer=_begin_worker)
+    # a worker starts as `python -c`, which would import modules of the working folder
+    os.environ.setdefault('PYTHONSAFEPATH', '1')
+    try:
+        executor = _Pool(count, multiprocessing.get_context('spawn'), initializer=_begin_worker)
+    except OSError as error:
+        raise InputError(
+            f'worker processes cannot share memory ({error.strerror}): make /dev/shm writable, or work in one process'
+        ) from error
     try:
         yield executor
     except BaseException:
@@ -264,7 +276,7 @@ class WorkerProcess:
         environment['PYTHONPATH'] = os.pathsep.join(filter(None, [root, environment.get('PYTHONPATH')]))
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, '-m', __name__, str(theirs.fileno()), str(self._niceness)],
+                module_command(__name__, str(theirs.fileno()), str(self._niceness)),
                 pass_fds=[theirs.fileno()],
                 env=environment,
                 stdin=subprocess.DEVNULL,

@@ -1,6 +1,7 @@
 """Files that are read and written: what the system refuses, in one sentence, and no half of one for any reader."""
 
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -29,6 +30,11 @@ def reading(path: str | Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}') from error
+
+
+def as_utf_8(text: str) -> str:
+    """A text with the name of a file, of which the bytes that are no UTF-8 are written as ``\\xe9``."""
+    return re.sub('[\udc80-\udcff]', lambda found: f'\\x{ord(found[0]) - 0xDC00:02x}', text)
 
 
 def shown(value: object) -> str:

@@ -22,7 +22,7 @@ import yaml
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import finite_or_none
-from swath_sysid.formats.files import LONGEST_SHOWN, shown
+from swath_sysid.formats.files import LONGEST_SHOWN, as_utf_8, shown
 
 LARGEST_TEXT = 256 * 1024  #: Bytes. A model of both axes scheduled on five drafts has about 32,000.
 DEEPEST = 20  #: Lists and mappings inside each other; the deepest that is written here has nine.
@@ -152,6 +152,7 @@ class _PlainDumper(yaml.SafeDumper):
         return True
 
 
+_PlainDumper.add_representer(str, lambda dumper, text: dumper.represent_scalar('tag:yaml.org,2002:str', as_utf_8(text)))
 # texts that would be read back as numbers are quoted, also those that YAML 1.1 takes for texts, such as 1e5
 _PlainDumper.add_implicit_resolver('tag:yaml.org,2002:float', _LIKE_A_NUMBER, list('-+.0123456789'))
 

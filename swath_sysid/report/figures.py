@@ -1,5 +1,6 @@
 """What all figures share: size, colours, and writing them whole or not at all."""
 
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,7 @@ from swath_sysid.attitude.identification.fit_quality import AmplitudeBands
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.conventions import TWO_STD
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.files import replacing
+from swath_sysid.formats.files import as_utf_8, replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,11 +25,23 @@ LINE_STYLES = ('-', '--', ':', '-.')
 FORMATS = ('png', 'svg', 'pdf')
 
 
+@cache
+def use_plain_style() -> None:
+    """Draw in the default style of matplotlib, whatever a matplotlibrc says, and texts as they are: two dollar signs in
+    the name of a file are no mathematics.
+    """
+    import matplotlib
+
+    matplotlib.rcdefaults()
+    matplotlib.rcParams['text.parse_math'] = False
+
+
 def new_figure(*size: float) -> Figure:
     """An empty figure of a width and height in inches, or of those of the page, drawn without a display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    use_plain_style()
     inches: Any = size or None
     figure = Figure(figsize=inches, layout='constrained')
     FigureCanvasAgg(figure)
@@ -104,8 +117,18 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     ending = Path(path).suffix.lower().lstrip('.')
     if ending not in FORMATS:
         raise InputError(f"a picture cannot be written as '{path}': end the name in .{', .'.join(FORMATS)}")
+    make_printable(figure)
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=130, format=ending)
+
+
+def make_printable(figure: Figure) -> None:
+    """Show what is no UTF-8 in the name of a file as in ``d\\xe9cay.csv``: matplotlib cannot draw it."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        if not text.get_text().isprintable():
+            text.set_text(as_utf_8(text.get_text()))
 
 
 def legend_below(axes: Axes, columns: int = 2) -> None:

@@ -14,7 +14,8 @@ import matplotlib
 from matplotlib import rcsetup
 from matplotlib.figure import Figure
 
-from swath_sysid.report.figures import MEASURED, SERIES
+from swath_sysid.formats.files import as_utf_8
+from swath_sysid.report.figures import MEASURED, SERIES, make_printable, use_plain_style
 from swath_sysid.report.tables import Table
 
 LONG_WORDS = 28  #: Characters from which a cell is broken into lines.
@@ -34,7 +35,7 @@ FIGURE_STYLE: Any = {
 
 def escaped(text: object) -> str:
     """Text for HTML."""
-    return html.escape(str(text)).replace(' %', '\u00a0%')
+    return html.escape(as_utf_8(str(text))).replace(' %', '\u00a0%')
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,7 @@ class Drawing:
     def svg(self) -> str:
         """The same text every time."""
         text = io.StringIO()
+        make_printable(self.figure)
         with matplotlib.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': self.name}):
             # the ticks follow the size of the panel, and the layout follows the ticks
             self.figure.draw_without_rendering()
@@ -58,6 +60,7 @@ class Drawing:
 
 def page_style() -> AbstractContextManager:
     """The style in which the figures of a page are drawn."""
+    use_plain_style()
     return matplotlib.rc_context(FIGURE_STYLE)
 
 

@@ -1,7 +1,6 @@
 """Declaring a node's parameters from the table, and checking every change."""
 
 from collections.abc import Callable
-from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -30,13 +29,17 @@ class NodeParameters:
         # twice: the first values may name points, which have a parameter each
         for _ in range(2):
             new = [p for p in table.parameters_of(node_name, self.values) if p.name not in self.values]
+            types = {p.name: p.default for p in new}
+            for name in types.keys() & node._parameter_overrides.keys():
+                node._parameter_overrides[name] = _with_doubles(node._parameter_overrides[name], types)
             self.values |= {
                 p.name: _plain(node.declare_parameter(p.name, p.default, _descriptor(p)).value) for p in new
             }
         self._names = set(self.values)
-        _warn_of_unknown(node, self._names)
+        _reject_misspelt(node, self._names)
         table.check_points(self.values, node._parameter_overrides)
         self.settings = settings_of(self.values)
+        node.add_pre_set_parameters_callback(lambda given: [_with_doubles(each, self.values) for each in given])
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -63,15 +66,24 @@ class NodeParameters:
                 self._on_change(self.settings)
 
 
-def _warn_of_unknown(node: Node, names: set[str]) -> None:
-    """Of what was given at the start and is a parameter of none of the nodes: one file often serves them all."""
-    known = names.union(*({p.name for p in table.table_of(each)} for each in table.NODES))
+def _reject_misspelt(node: Node, names: set[str]) -> None:
+    """What was given at the start may be for other nodes, also of other packages, unless it is nearly one of ours."""
+    known = names | table.every_name()
     for name in node._parameter_overrides:
-        if name in known or node.has_parameter(name) or name.startswith((table.POSITION, 'qos_overrides.')):
+        if name in known or node.has_parameter(name) or name.startswith(table.POSITION) or table.OF_ROS.match(name):
             continue
-        meant = get_close_matches(name, sorted(known), 1)
-        hint = f'did you mean {meant[0]}?' if meant else 'see `ros2 param list`'
-        node.get_logger().warning(f'there is no parameter {name}, so it is ignored: {hint}')
+        if near := table.meant(name, known):
+            raise InputError(f'there is no parameter {name}: did you mean {near}?')
+
+
+def _with_doubles(parameter: Parameter, defaults: table.Values) -> Parameter:
+    """A parameter with whole numbers as doubles where the default is one, as in ``mounting_deg:=[15,-10,90]``."""
+    default, value = defaults.get(parameter.name), parameter.value
+    if isinstance(default, float) and parameter.type_ is Parameter.Type.INTEGER:
+        return Parameter(parameter.name, value=float(value))
+    if isinstance(default, list) and isinstance(default[0], float) and parameter.type_ is Parameter.Type.INTEGER_ARRAY:
+        return Parameter(parameter.name, value=[float(element) for element in value])
+    return parameter
 
 
 def _plain(value: Any) -> Any:

@@ -1,5 +1,8 @@
-"""Parameter files: read without ROS; config/swath_sysid.yaml written."""
+"""Parameter files: read without ROS as ROS does; config/swath_sysid.yaml written."""
 
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,50 +12,164 @@ from swath_sysid.common.advice import did_you_mean
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.schema import plain_content, text_of
-from swath_sysid.nodes.parameters.table import NODES, POSITION, Values, check_points, defaults, parameters_of
+from swath_sysid.nodes.parameters.table import (
+    NODES,
+    OF_ROS,
+    POSITION,
+    Values,
+    check_points,
+    defaults,
+    every_name,
+    meant,
+    parameters_of,
+    table_of,
+)
+
+OPTION = '-p'  #: Source of what is given on the command line, to our nodes only.
+WILDCARDS = {'*': '/[^/]+', '**': '(/[^/]+)*'}
 
 
-def values_from_file(path: str | Path | None, node_name: str) -> Values:
-    """A node's parameters as a ROS parameter file sets them (``/**``, ``NAME``, ``/NAME``, ``/**/NAME``)."""
+@dataclass(frozen=True)
+class Section:
+    """Parameters as they are given to nodes of some names."""
+
+    source: str  #: File, for messages.
+    name: str  #: Full name of a node, such as ``/usv/predictor``; ``*`` is one part of it, ``**`` any number of parts.
+    parameters: Values  #: By name, those of groups as ``GROUP.NAME``.
+
+    def holds_for(self, full_name: str) -> bool:
+        """Whether it is for the node of this name."""
+        parts = self.name.strip('/').split('/')
+        return bool(re.fullmatch(''.join(WILDCARDS.get(part, f'/{re.escape(part)}') for part in parts), full_name))
+
+
+def sections_of(path: str | Path) -> list[Section]:
+    """The sections of a parameter file, in its order, in which the later takes precedence."""
+    content = plain_content(text_of(path, 'parameter file'), str(path))
+    if not content or not isinstance(content, dict):
+        raise InputError(f'{path} is not a ROS parameter file: it needs a section for a node, with ros__parameters')
+    return list(_sections(str(path), '', content))
+
+
+def _sections(path: str, name: str, content: Values) -> Iterator[Section]:
+    for key, value in content.items():
+        inner = f'{name}/{key.strip("/")}'
+        if not isinstance(value, dict) or not value:
+            is_known = key == 'ros__parameters'
+            what = f'the ros__parameters of {shown(name)} hold none' if is_known else f'{shown(inner)} has none'
+            raise InputError(f'{path} is not a ROS parameter file: every section needs ros__parameters, and {what}')
+        if key == 'ros__parameters':
+            yield Section(path, name, dict(_by_name(value)))
+        else:
+            yield from _sections(path, inner, value)
+
+
+def _by_name(group: Values, before: str = '') -> Iterator[tuple[str, Any]]:
+    for name, value in group.items():
+        if isinstance(value, dict):
+            yield from _by_name(value, f'{before}{name}.')
+        else:
+            yield f'{before}{name}', value
+
+
+def check_sections(sections: Sequence[Section], full_names: Mapping[str, str]) -> None:
+    """Raise `InputError` for what is nearly one of our nodes or parameters, for values of a wrong type, and for a file
+    without anything for our nodes, which have these full names. What is for other nodes is left alone.
+    """
+    for section in sections:
+        if nodes := [node for node, name in full_names.items() if section.holds_for(name)]:
+            _check_names(section, nodes)
+        else:
+            _check_node(section)
+    ours = {section.source for section in sections if any(map(section.holds_for, full_names.values()))}
+    for section in sections:
+        if section.source not in ours and section.source != OPTION:
+            raise InputError(
+                f'{section.source} has no section for any of these nodes, only for others such as '
+                f'{shown(section.name)}: name one /** or {next(iter(full_names.values()))}'
+            )
+    for node, name in full_names.items():
+        values_of(sections, node, name)
+
+
+def _check_names(section: Section, nodes: Sequence[str]) -> None:
+    is_for_all = section.name.endswith('*')
+    known = every_name() if is_for_all else dict.fromkeys(p.name for node in nodes for p in table_of(node))
+    for name in section.parameters:
+        if name in known or OF_ROS.match(name) or (name.startswith(POSITION) and 'points' in known):
+            continue
+        near = meant(name, known)
+        if not is_for_all:
+            raise InputError(
+                f'{section.source}: {nodes[0]} has no parameter {shown(name)}{did_you_mean(name, known)}; it has '
+                + ', '.join(known)
+            )
+        # a section for all nodes may be for those of other packages as well
+        if near or section.source == OPTION:
+            hint = f': did you mean {near}?' if near else '; config/swath_sysid.yaml lists all'
+            raise InputError(f'{section.source}: no node has a parameter {shown(name)}{hint}')
+
+
+def _check_node(section: Section) -> None:
+    # a second node may be a number more
+    node = section.name.rpartition('/')[2].rstrip('_0123456789')
+    own = meant(node, NODES)
+    # a node of another package may have a similar name, but not similar parameters
+    if own and own != node and any(meant(name, {p.name for p in table_of(own)}) for name in section.parameters):
+        raise InputError(f'{section.source}: there is no node {shown(node)}: did you mean {own}?')
+
+
+def values_of(sections: Iterable[Section], node_name: str, full_name: str) -> Values:
+    """A node's parameters as the sections set them."""
     values = defaults(node_name)
-    given: dict[str, tuple[str, Any]] = {}  # with the section that sets it
-    for section, content in _sections(path).items() if path is not None else ():
-        if section in ('/**', node_name, f'/{node_name}', f'/**/{node_name}'):
-            given |= {name: (section, value) for name, value in content.items()}
+    given = {
+        name: (section.source, value)
+        for section in sections
+        if section.holds_for(full_name)
+        for name, value in section.parameters.items()
+    }
     # the parameters of points exist only once `points` names them
-    for name, (section, value) in sorted(given.items(), key=lambda item: item[0] not in values):
+    for name, (source, value) in sorted(given.items(), key=lambda item: item[0] not in values):
         if name in values:
-            values[name] = _of_type(values[name], value, name, path)
+            values[name] = _of_type(values[name], value, name, source)
             values = {**defaults(node_name, values), **values}
-        elif section != '/**' and name != 'use_sim_time' and not ('points' in values and name.startswith(POSITION)):
-            meant = did_you_mean(name, values)
-            raise InputError(f'{path}: {node_name} has no parameter {shown(name)}{meant}; it has {", ".join(values)}')
     try:
         check_points(values, given)
     except InputError as error:
-        raise InputError(f'{path}: {error}') from error
+        raise InputError(f'{", ".join(dict.fromkeys(source for source, _ in given.values()))}: {error}') from error
     return values
 
 
-def _sections(path: str | Path) -> dict[str, dict]:
-    content = plain_content(text_of(path, 'parameter file'), str(path))
-    sections = content if isinstance(content, dict) else {}
-    if not sections or any(not isinstance(s, dict) or 'ros__parameters' not in s for s in sections.values()):
-        raise InputError(f'{path} is not a ROS parameter file: every section needs ros__parameters')
-    found = {name: section['ros__parameters'] or {} for name, section in sections.items()}
-    wrong = [name for name, parameters in found.items() if not isinstance(parameters, dict)]
-    if wrong:
-        raise InputError(f'{path}: the ros__parameters of {shown(wrong[0])} must map names to values')
-    return found
+def values_from_file(path: str | Path | None, node_name: str) -> Values:
+    """A node's parameters as a ROS parameter file sets them, in the namespace that it names."""
+    sections = [] if path is None else sections_of(path)
+    namespace = _namespace_of(sections)
+    full_names = {node: f'{namespace}/{node}' for node in NODES}
+    check_sections(sections, full_names)
+    return values_of(sections, node_name, full_names[node_name])
 
 
-def _of_type(default: Any, value: Any, name: str, path: str | Path | None) -> Any:
+def _namespace_of(sections: Sequence[Section]) -> str:
+    split = [section.name.rpartition('/')[::2] for section in sections]
+    found = sorted({namespace for namespace, node in split if node in NODES and '*' not in namespace})
+    if len(found) > 1 and '' not in found:
+        raise InputError(
+            f'{sections[0].source} has parameters for nodes in {" and ".join(found)}: leave those of a single craft'
+        )
+    return '' if '' in found or not found else found[0]
+
+
+def _of_type(default: Any, value: Any, name: str, source: str) -> Any:
     kind = type(default[0]) if isinstance(default, list) else type(default)
     elements = value if isinstance(value, list) else [value]
-    if isinstance(value, list) != isinstance(default, list) or any(type(e) is not kind for e in elements):
-        example = ', as in 1.0 instead of 1' if kind is float else ''
-        raise InputError(f'{path}: the parameter {name} must be of the type of {default}{example}, not {shown(value)}')
-    return value
+    kinds = {type(element) for element in elements}
+    # a list of ints and floats is none to ROS
+    if isinstance(value, list) != isinstance(default, list) or not (kinds <= {kind} or (kind, kinds) == (float, {int})):
+        example = ', as in [15.0, -10.5]' if kinds == {int, float} else ''
+        raise InputError(
+            f'{source}: the parameter {name} must be of the type of {default}{example}, not {shown(value)}'
+        )
+    return [kind(element) for element in elements] if isinstance(value, list) else kind(value)
 
 
 def configuration_file() -> str:

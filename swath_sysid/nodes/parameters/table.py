@@ -20,6 +20,9 @@ EXAMPLE = ' (m forward, to port and up from the sensor), as in [2.5, 0.0, 0.0]'
 ATTITUDE_NODES = ('imu_buffer', 'identifier', 'predictor')
 NODES = (*ATTITUDE_NODES, *handed_in('nodes'), 'simulated_craft')
 
+#: Parameters that every node of ROS has, of none of which it warns.
+OF_ROS = re.compile(r'use_sim_time$|start_type_description_service$|qos_overrides\.')
+
 AS = 'as '  #: Begins, in place of a parameter's fields, the node that has the same parameter.
 
 
@@ -83,6 +86,18 @@ def _parameter(name: str, fields: dict | str) -> NodeParameter:
         return next(p for p in table_of(fields.removeprefix(AS)) if p.name == name)
     choices = fields.get('choices', ())
     return NodeParameter(name, **{**fields, 'choices': tuple(named(choices)) if isinstance(choices, str) else choices})
+
+
+@cache
+def every_name() -> frozenset[str]:
+    """The parameters of all nodes: one file often serves them all."""
+    return frozenset(parameter.name for node in NODES for parameter in table_of(node))
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """Which known name a word can only mean; empty where it may well be a name of another package."""
+    # groups, but for that of the positions, are of other packages
+    return '' if '.' in word else next(iter(get_close_matches(word, sorted(known), 1, 0.8)), '')
 
 
 def parameters_of(node_name: str, values: Values | None = None) -> Table:
