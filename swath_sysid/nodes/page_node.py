@@ -26,7 +26,7 @@ from swath_sysid.nodes.page_intake import coming_from, keeping, values_of
 from swath_sysid.nodes.page_requests import PageRequests
 from swath_sysid.nodes.parameters.settings import installation, quiescence_limits
 from swath_sysid.nodes.qos import LATCHED, NEWEST
-from swath_sysid.page.live_record import LiveRecord, calm_of, horizon_of, probability_of
+from swath_sysid.page.live_record import ANOTHERS, LiveRecord, calm_of, horizon_of, probability_of
 from swath_sysid.page.state import SELDOM
 from swath_sysid.pipeline.health import Report
 
@@ -81,7 +81,8 @@ class PageNode(Node):
                 self.record.unreadable[source] = problem
         if problem and len(self._told) < MOST_TOLD and (source, problem) not in self._told:
             self._told.add((source, problem))
-            self._report(f'{source}: {problem}')
+            # readers of texts name the topic themselves
+            self._report(problem if problem.startswith(source) else f'{source}: {problem}')
 
     def _note_kept(self, is_kept: bool) -> None:
         with self.lock:
@@ -115,7 +116,7 @@ class PageNode(Node):
                 if self.record.is_due(raw_stamp_ns(raw), monotonic()):
                     self.record.add_reading(imu_reading(deserialize_message(raw, Imu)))
         except (struct.error, RuntimeError) as error:
-            raise InputError('the bytes are no sensor_msgs/Imu: does another program publish on this topic?') from error
+            raise InputError(f'the bytes are no sensor_msgs/Imu: {ANOTHERS}') from error
 
     @coming_from(topics.HORIZON_TOPIC)
     def _on_horizon(self, message: JointTrajectory) -> None:

@@ -27,6 +27,8 @@ CHECKED_LEAD = 2.0  #: s; lead of the forecast that is kept until its motion has
 
 LARGEST = 1e6  #: In rad or m; a chart of a larger forecast would show nothing else.
 
+ANOTHERS = 'end or remap the other program that publishes on this topic'
+
 MAX_STATUSES = 100
 #: Statuses that the page reads, for which there is always room.
 READ = tuple(f'{node}: imu' for node in ('imu_buffer', 'predictor')) + (
@@ -64,9 +66,9 @@ def horizon_of(
     table = dict(zip(columns, np.reshape(positions, (len(leads_ns), len(columns))).T, strict=True))
     means = {name: table[name] for name in shown if leads_ns and name in table}
     if leads_ns and columns and not means:
-        raise InputError(f'the forecast has no {" or ".join(shown)}: does another program publish on its topic?')
+        raise InputError(f'the forecast has no {" or ".join(shown)}: {ANOTHERS}')
     if np.any(np.abs(positions) > LARGEST):
-        raise InputError(f'the forecast has values beyond {LARGEST:g}: does another program publish on its topic?')
+        raise InputError(f'the forecast has values beyond {LARGEST:g}: {ANOTHERS}')
     return Horizon(
         stamp_ns * NANOSECOND,
         np.asarray(leads_ns) * NANOSECOND,
@@ -86,7 +88,7 @@ def calm_of(stamp_ns: int, times_ns: Sequence[int], columns: Sequence[str], posi
 def probability_of(value: float) -> float:
     """The value; raises `InputError` where it is no probability."""
     if not 0.0 <= value <= 1.0:
-        raise InputError(f'{value:g} is no probability: does another program publish on this topic?')
+        raise InputError(f'{value:g} is no probability: {ANOTHERS}')
     return value
 
 
