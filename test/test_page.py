@@ -7,7 +7,9 @@ import socket
 import threading
 import urllib.error
 import urllib.request
+from contextlib import suppress
 from unittest.mock import patch
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -18,10 +20,11 @@ from package_process import wait_for  # noqa: E402
 from tank_side import TankSide  # noqa: E402
 from test_page_bring_up import REST_S  # noqa: E402
 
+from swath_sysid.cli.page import origin_of, token_for  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml  # noqa: E402
 from swath_sysid.page.live_record import horizon_of  # noqa: E402
-from swath_sysid.page.server import FEW, Guard, is_allowed, served  # noqa: E402
+from swath_sysid.page.server import FEW, MOST_CONNECTIONS, Guard, is_allowed, served  # noqa: E402
 from swath_sysid.page.state import PageState  # noqa: E402
 
 CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
@@ -214,13 +217,15 @@ def status_and_headers(address):
 def test_no_answer_can_be_framed_and_only_pages_on_their_way_to_a_browser_are_kept(address):
     url, _ = address
     root, _, token = url.partition('?')
-    paths = ('', 'page', 'elsewhere', '_nicegui/elsewhere', '_nicegui_ws/socket.io/', 'favicon.ico')
+    paths = ('', 'page', 'docs', 'redoc', 'openapi.json', 'page/', '_nicegui_ws/socket.io/', 'favicon.ico')
     # once with the token, once without
     answers = [status_and_headers(f'{root}{path}?{query}') for query in (token, '') for path in paths]
-    assert [status for status, _ in answers] == [200, 200, 404, 404, 404, 200] + [403] * 6
+    assert [status for status, _ in answers] == [200, 200, *[404] * 5, 200, *[403] * 8]
     for _, headers in answers:
-        assert headers.get_all('content-security-policy') == ["frame-ancestors 'none'"]
-        assert headers.get_all('x-frame-options') == ['DENY']
+        (policy,) = headers.get_all('content-security-policy')
+        assert policy.startswith("default-src 'self'; ") and policy.endswith("; frame-ancestors 'none'")
+        expected = {'x-frame-options': 'DENY', 'x-content-type-options': 'nosniff', 'referrer-policy': 'no-referrer'}
+        assert {name: headers.get_all(name) for name in expected} == {name: [text] for name, text in expected.items()}
     before = set(nicegui.Client.instances)
     for _ in range(2 * FEW):
         status_and_headers(url)
@@ -297,11 +302,96 @@ def test_headers_that_cannot_be_parsed_are_refused_in_one_sentence(headers, toke
         ({'host': 'elsewhere.example:8484'}, '', '', False),
         ({'host': 'localhost:8484', 'origin': 'http://elsewhere.example'}, '', '', False),
         ({'host': 'craft:8484'}, 't', 't', True),
-        ({'host': 'craft:8484', 'cookie': 'swath_sysid_page=t'}, 't', '', True),
-        ({'host': 'craft:8484', 'cookie': 'swath_sysid_page=u'}, 't', '', False),
+        ({'host': 'craft:8484', 'cookie': 'of_8484=t'}, 't', '', True),
+        ({'host': 'craft:8484', 'cookie': 'of_8484=u'}, 't', '', False),
+        # of another page on this host
+        ({'host': 'craft:8484', 'cookie': 'of_8485=t'}, 't', '', False),
+        # through a proxy that nobody has named
+        ({'host': 'localhost:8484', 'x-forwarded-for': '10.0.0.7'}, '', '', False),
         ({'host': 'craft:8484', 'origin': 'http://elsewhere.example'}, 't', 't', False),
         ({'host': 'localhost:8484'}, 't', '', False),
     ],
 )
 def test_who_may_see_the_page(headers, token, given, allowed):
-    assert is_allowed(headers, token, given) is allowed
+    assert is_allowed(headers, token, given, 'of_8484') is allowed
+
+
+@pytest.mark.parametrize('host', ['boat.example', '127.0.0.1:8484'])
+@pytest.mark.parametrize('path', ['/craft1/page', '/page'])
+def test_behind_a_proxy_only_the_named_origin_opens_the_page_whatever_it_does_to_host_and_path(monkeypatch, host, path):
+    monkeypatch.setattr(nicegui.Client, 'instances', {})
+    passed, added = [], []
+
+    async def application(scope, receive, send):
+        passed.append(scope['path'])
+        added.extend(value for name, value in scope['headers'] if name == b'x-forwarded-prefix')
+
+    guard = Guard(application, 't', 8484, 'https://boat.example/craft1/')
+    shared = (b'host', host.encode()), (b'x-forwarded-for', b'10.0.0.7'), (b'x-forwarded-prefix', b'/evil')
+    own, evil = (b'origin', b'https://boat.example'), (b'origin', b'https://elsewhere.example')
+    assert answer_of(guard, *shared, own, path=path)[0] == 403
+    assert answer_of(guard, *shared, evil, path=path, query='token=t')[0] == 403 and passed == []
+    answer_of(guard, *shared, own, path=path, query='token=t')
+    assert passed == ['/page'] and added == [b'/craft1']
+    status, entrance = answer_of(guard, *shared, path='/craft1/', query='token=t')
+    assert status == 200 and 'url=page?token=t"' in entrance
+
+
+def test_the_cookie_names_the_port_and_goes_to_the_path_of_the_proxy_alone():
+    sent = []
+
+    async def send(message):
+        sent.append(message)
+
+    guard = Guard(None, 't', 8484, 'https://boat.example/craft1/')
+    scope = {'type': 'http', 'path': '/craft1/', 'query_string': b'token=t', 'headers': [(b'host', b'boat.example')]}
+    asyncio.run(guard(scope, None, send))
+    assert dict(sent[0]['headers'])[b'set-cookie'] == (
+        b'swath_sysid_page_8484=t; HttpOnly; SameSite=Strict; Path=/craft1/; Secure'
+    )
+
+
+@pytest.mark.parametrize('given', ['boat.example', 'ftp://boat.example', 'https://', 'https://boat.example/?a=b'])
+def test_an_origin_that_is_no_address_is_refused(given):
+    with pytest.raises(InputError, match='is no address: give what browsers open'):
+        origin_of(given)
+
+
+def test_a_proxy_requires_a_token():
+    assert token_for('localhost', '') == '' and token_for('https://localhost/craft1', '') and token_for('', 't') == 't'
+
+
+def is_closed(connection):
+    try:
+        return connection.recv(1) == b''
+    except (ConnectionError, TimeoutError) as error:
+        return isinstance(error, ConnectionError)
+
+
+def test_half_requests_and_sockets_of_no_page_are_bounded_in_number_and_time(address, monkeypatch):
+    monkeypatch.setattr('swath_sysid.page.server.REQUEST_S', 1.0)
+    url, _ = address
+    parts = urlsplit(url)
+    head = f'GET {{}} HTTP/1.1\r\nHost: {parts.netloc}\r\n'
+    wanted = head.format(f'/_nicegui_ws/socket.io/?EIO=4&transport=websocket&{parts.query}').encode()
+    wanted += b'Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n'
+    wanted += b'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n'
+
+    def opened(text, count):
+        connections = [socket.create_connection((parts.hostname, parts.port), 60.0) for _ in range(count)]
+        for connection in connections:
+            with suppress(ConnectionError):
+                connection.sendall(text)
+        return connections
+
+    halves = opened(head.format('/').encode() + b'X: ', 2 * MOST_CONNECTIONS)
+    assert status_and_headers(url)[0] == 200
+    assert all(map(is_closed, halves))
+    idle = opened(wanted, 2 * FEW)
+    codes = [connection.recv(12)[-3:] for connection in idle]
+    assert codes.count(b'101') <= FEW and set(codes) <= {b'101', b'403'}
+    # the end of each is in what follows its answer
+    for connection in idle:
+        while not is_closed(connection):
+            pass
+    assert status_and_headers(url)[0] == 200

@@ -1,7 +1,9 @@
 """The page's node beside the real nodes and a sensor: what it hears, what it asks of them, and the faults it names."""
 
+import os
 import signal
 import time
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +15,7 @@ from live_bench import (  # noqa: E402
     PATIENCE,
     Bench,
     Spinning,
+    children,
     running,
     settings,
     start_together,
@@ -144,12 +147,32 @@ def test_a_page_that_stands_still_holds_nobody_up(page):
     assert page.bench.counts('predictor')['received'] == page.sent
 
 
-def test_run_starts_the_page_and_ends_it():
+def page_of(process):
+    """The process of the page that a run has started."""
+
+    def found():
+        return [pid for pid in children(process.pid) if b'\0page\0' in Path(f'/proc/{pid}/cmdline').read_bytes()]
+
+    wait_for(found, 'the page')
+    return found()[0]
+
+
+def test_run_starts_the_page_once_more_where_it_ends_and_ends_it():
     pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
-    process = command_line('run', '--page', '--namespace', 'paged')
-    lines, deadline = [], time.monotonic() + PATIENCE
-    while not any('the page is at http://localhost:' in line for line in lines):
-        assert time.monotonic() < deadline and process.poll() is None, lines
-        lines.append(process.stdout.readline())
+    process = command_line('run', '--page', '--port', '0', '--namespace', 'paged')
+    deadline = time.monotonic() + PATIENCE
+
+    def read_until(words):
+        lines = []
+        while not any(words in line for line in lines):
+            assert time.monotonic() < deadline and process.poll() is None, lines
+            lines.append(process.stdout.readline())
+        return lines
+
+    read_until('the page is at http://localhost:')
+    os.kill(page_of(process), signal.SIGKILL)
+    assert 'the nodes go on: it is started again' in read_until('the page has ended with code -9')[-1]
+    read_until('the page is at http://localhost:')
+    again = page_of(process)
     code, output = stop(process, signal.SIGINT)
-    assert code == 0, output
+    assert code == 0 and 'has ended' not in output and not Path(f'/proc/{again}').exists(), output

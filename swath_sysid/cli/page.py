@@ -6,6 +6,7 @@ import sys
 from argparse import Namespace
 from contextlib import ExitStack
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from swath_sysid.cli.ros import ros_needed
 from swath_sysid.cli.run import remappings
@@ -26,7 +27,8 @@ def run(arguments: Namespace) -> int:
     folder = Path(arguments.output)
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         raise InputError(f'nothing can be saved in --output {folder}: choose a folder that exists and is writable')
-    token = token_for(arguments.host, arguments.token or os.environ.get('SWATH_SYSID_TOKEN', ''))
+    origin = origin_of(arguments.origin)
+    token = token_for(origin or arguments.host, arguments.token or os.environ.get('SWATH_SYSID_TOKEN', ''))
     # where the processor is short the nodes come first
     os.nice(NICENESS)
     address = '127.0.0.1' if arguments.host == 'localhost' else arguments.host
@@ -35,7 +37,7 @@ def run(arguments: Namespace) -> int:
         def make_node() -> PageNode:
             node = PageNode(lambda line: state.answer(line))
             state = PageState(node, folder, arguments.axis, getattr(arguments, 'manifest', None))
-            url = serving.enter_context(served(state, address, arguments.port, token))
+            url = serving.enter_context(served(state, address, arguments.port, token, origin))
             print(f'the page is at {url}', file=sys.stderr, flush=True)
             return node
 
@@ -45,3 +47,11 @@ def run(arguments: Namespace) -> int:
 def token_for(host: str, given: str) -> str:
     """The token that is asked for: none on this machine only, unless one is given."""
     return given or ('' if host in LOCAL_NAMES else secrets.token_urlsafe(12))
+
+
+def origin_of(given: str | None) -> str:
+    """The address at which browsers reach the page through a proxy; empty without one."""
+    parts = urlsplit(given or '')
+    if given and (parts.scheme not in ('http', 'https') or not parts.hostname or parts.query or parts.fragment):
+        raise InputError(f'--origin {given} is no address: give what browsers open, as in https://boat.example/craft1/')
+    return given or ''

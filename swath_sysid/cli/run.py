@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -14,7 +15,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from swath_sysid.cli.ros import ros_needed
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import NOTHING_DONE, InputError
 from swath_sysid.common.processes import end_with_parent, ended, module_command, verb_command
 from swath_sysid.common.wings import handed_in, named, wings
 from swath_sysid.formats.files import shown
@@ -35,6 +36,7 @@ OTHER_TYPES = {
     **handed_in('other_types'),
 }
 DIRECTIONS = {'publish': 'publishes', 'subscribe': 'subscribes to', 'reply': 'serves', 'request': 'calls'}
+LOOK_S = 0.2  #: Between looks whether the page still runs.
 MODEL_PARAMETERS = {'identifier': 'model_path', **handed_in('model_parameters')}
 OPEN_TO_THE_SUBNET = (
     'note: other machines of this subnet can use these nodes; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them here'
@@ -76,7 +78,7 @@ def run(arguments: Namespace) -> int:
         print(f'swath-sysid run: {OPEN_TO_THE_SUBNET}', file=sys.stderr, flush=True)
     with ExitStack() as beside:
         for command in processes_beside(arguments):
-            beside.enter_context(process_beside(command))
+            beside.enter_context(watched_beside(command) if 'page' in command else process_beside(command))
         return run_nodes(program.PLAN, ['swath-sysid', '--ros-args', *given])
 
 
@@ -131,6 +133,33 @@ def process_beside(command: list[str], **options: Any) -> Iterator[subprocess.Po
         # unlike SIGINT, this also ends without a word a process that is still importing
         process.terminate()
         ended(process)
+
+
+@contextmanager
+def watched_beside(command: list[str]) -> Iterator[None]:
+    """Run the page while the block runs; where it ends by itself, that is reported, and it is started again once."""
+    stopping = threading.Event()
+
+    def watch() -> None:
+        for what_next in ('it is started again', 'start it again with swath-sysid page'):
+            with process_beside(command) as page:
+                while page.poll() is None:
+                    if stopping.wait(LOOK_S):
+                        return
+            # where it could not use what it was given, it has said so
+            if page.returncode == NOTHING_DONE:
+                return
+            said = f'swath-sysid run: the page has ended with code {page.returncode}, the nodes go on: {what_next}'
+            print(said, file=sys.stderr, flush=True)
+
+    # which ends after the page: on Linux a process is ended with the thread that started it
+    watching = threading.Thread(target=watch)
+    watching.start()
+    try:
+        yield
+    finally:
+        stopping.set()
+        watching.join()
 
 
 def ros_arguments(arguments: Namespace) -> list[str]:

@@ -174,13 +174,17 @@ def trajectory_point(
 
 
 def trajectory_values(message: Any) -> tuple[int, list[int], list[str], list[float]]:
-    """Stamp and times from it, ns, columns, and the positions of each time in turn, of a JointTrajectory."""
-    return (
-        stamp_ns(message.header.stamp),
-        [stamp_ns(point.time_from_start) for point in message.points],
-        list(message.joint_names),
-        [value for point in message.points for value in point.positions],
-    )
+    """Stamp and times from it, ns, columns, and the positions of each time in turn, of a JointTrajectory.
+
+    Raises:
+        InputError: A time has another number of positions than there are columns.
+    """
+    columns = list(message.joint_names)
+    for point in message.points:
+        if len(point.positions) != len(columns):
+            raise InputError(f'a time has {len(point.positions)} positions for {len(columns)} names: send one for each')
+    times_ns = [stamp_ns(point.time_from_start) for point in message.points]
+    return stamp_ns(message.header.stamp), times_ns, columns, [v for point in message.points for v in point.positions]
 
 
 def window_message(table: MotionTable, frame_id: str) -> bytes:

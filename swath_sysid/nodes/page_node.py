@@ -1,5 +1,6 @@
 """The node of the page: subscribes to the topics of the other nodes."""
 
+import struct
 from collections.abc import Callable
 from functools import partial
 from threading import Lock
@@ -15,22 +16,24 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32, String
 from trajectory_msgs.msg import JointTrajectory
 
-from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import topics
 from swath_sysid.formats.messages import imu_reading, raw_stamp_ns, trajectory_values
 from swath_sysid.formats.model_file import model_from_yaml
 from swath_sysid.formats.sea_state_yaml import sea_from_yaml
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD
+from swath_sysid.nodes.page_intake import coming_from, keeping, values_of
 from swath_sysid.nodes.page_requests import PageRequests
 from swath_sysid.nodes.parameters.settings import installation, quiescence_limits
 from swath_sysid.nodes.qos import LATCHED, NEWEST
-from swath_sysid.page.live_record import LiveRecord, horizon_of
+from swath_sysid.page.live_record import ANOTHERS, LiveRecord, calm_of, horizon_of, probability_of
 from swath_sysid.page.state import SELDOM
 from swath_sysid.pipeline.health import Report
 
 SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)  #: Lossy: it slows nobody else.
 NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  #: No publisher waits for a page.
+MOST_TOLD = 100  #: Kinds of what cannot be shown; of a flood of others the place of each shows the newest.
+MAX_VALUES, LONGEST = 200, 1000  #: Of a status, and letters of each of its texts.
 
 #: The predictor's parameters that the page shows.
 ASKED = (
@@ -52,7 +55,8 @@ class PageNode(Node):
         self._requests = PageRequests(self, report, self._note_kept)
         self.press = self._requests.press
         self._prefix = self.get_namespace().strip('/')
-        self._points: set[str] = set()
+        self._told: set[tuple[str, str]] = set()
+        self._point: tuple[str, Any] = '', None
         self.create_subscription(Imu, topics.IMU_TOPIC, self._on_imu, SENSOR, raw=True)
         self.create_subscription(JointTrajectory, topics.HORIZON_TOPIC, self._on_horizon, NEWEST_LOSSY)
         self.create_subscription(String, topics.DESCRIPTION_TOPIC, self._on_description, LATCHED)
@@ -64,6 +68,22 @@ class PageNode(Node):
         self.create_timer(LOOK_PERIOD, self._requests.carry_out, clock=steady)
         self.create_timer(SELDOM, self._ask_predictor, clock=steady)
 
+    def take(self, source: str, take: Callable, *content: Any) -> None:
+        """Take what came from a topic or node; of what cannot be shown, each kind is reported once."""
+        problem = ''
+        try:
+            take(*content)
+        except InputError as error:
+            problem = str(error)
+        with self.lock:
+            self.record.unreadable.pop(source, '')
+            if problem:
+                self.record.unreadable[source] = problem
+        if problem and len(self._told) < MOST_TOLD and (source, problem) not in self._told:
+            self._told.add((source, problem))
+            # readers of texts name the topic themselves
+            self._report(problem if problem.startswith(source) else f'{source}: {problem}')
+
     def _note_kept(self, is_kept: bool) -> None:
         with self.lock:
             self.record.is_kept = is_kept
@@ -73,62 +93,58 @@ class PageNode(Node):
         with self.lock:
             self.record.can_push = self._requests.can_push()
 
+    @coming_from('predictor')
     def _on_parameters(self, *found: Any) -> None:
-        values = dict(zip(ASKED, found, strict=True))
+        values = values_of('predictor', ASKED, found)
         with self.lock:
-            self.record.install(installation({'frame': values['frame'], 'mounting_deg': list(values['mounting_deg'])}))
+            self.record.install(installation(values))
             self.record.limits = quiescence_limits(values)
-        for point in {point for point in values['points'] if point} - self._points:
-            self._points.add(point)
-            self.create_subscription(
-                JointTrajectory,
-                topics.point_horizon_topic(point),
-                partial(self._on_horizon, name=f'heave of {point}'),
-                NEWEST_LOSSY,
-            )
+        name, before = self._point
+        point = next(filter(None, values['points']), '')
+        if point != name:
+            if before is not None:
+                self.destroy_subscription(before)
+            topic = topics.point_horizon_topic(point)
+            take = partial(self.take, topic, self._on_heave, f'heave of {point}')
+            new = self.create_subscription(JointTrajectory, topic, take, NEWEST_LOSSY) if point else None
+            self._point = point, new
 
+    @coming_from(topics.IMU_TOPIC)
     def _on_imu(self, raw: bytes) -> None:
-        with self.lock:
-            if self.record.is_due(raw_stamp_ns(raw), monotonic()):
-                self.record.add_reading(imu_reading(deserialize_message(raw, Imu)))
-
-    def _on_horizon(self, message: JointTrajectory, name: str = '') -> None:
-        with self.lock:
-            self.record.add_horizon(horizon_of(*trajectory_values(message)), name)
-
-    def _on_description(self, message: String) -> None:
         try:
-            models = model_from_yaml(message.data, topics.DESCRIPTION_TOPIC) if message.data else {}
-        except InputError as error:
-            self._report(str(error))
-            return
+            with self.lock:
+                if self.record.is_due(raw_stamp_ns(raw), monotonic()):
+                    self.record.add_reading(imu_reading(deserialize_message(raw, Imu)))
+        except (struct.error, RuntimeError) as error:
+            raise InputError(f'the bytes are no sensor_msgs/Imu: {ANOTHERS}') from error
+
+    @coming_from(topics.HORIZON_TOPIC)
+    def _on_horizon(self, message: JointTrajectory) -> None:
+        horizon = horizon_of(*trajectory_values(message))
+        with self.lock:
+            self.record.add_horizon(horizon)
+
+    def _on_heave(self, name: str, message: JointTrajectory) -> None:
+        horizon = horizon_of(*trajectory_values(message), ('heave',))
+        with self.lock:
+            self.record.add_horizon(horizon, name)
+
+    @coming_from(topics.DESCRIPTION_TOPIC)
+    def _on_description(self, message: String) -> None:
+        models = model_from_yaml(message.data, topics.DESCRIPTION_TOPIC) if message.data else {}
         with self.lock:
             self.description = message.data
             self.record.set_models(models)
 
-    def _on_sea(self, message: String) -> None:
-        try:
-            sea = sea_from_yaml(message.data)
-        except InputError as error:
-            self._report(str(error))
-            return
-        with self.lock:
-            self.record.sea = sea
-
-    def _on_calm(self, message: JointTrajectory) -> None:
-        stamp, times, _, probabilities = trajectory_values(message)
-        calm = [NANOSECOND * (stamp + time) for time in times]
-        with self.lock:
-            self.record.calm = (calm[0], calm[-1], probabilities[0]) if calm else None
-
-    def _on_quiescence(self, message: Float32) -> None:
-        with self.lock:
-            self.record.quiescence = message.data
+    _on_sea = keeping('sea', topics.SEA_TOPIC, lambda message: sea_from_yaml(message.data))
+    _on_calm = keeping('calm', topics.CALM_TOPIC, lambda message: calm_of(*trajectory_values(message)))
+    _on_quiescence = keeping('quiescence', topics.QUIESCENCE_TOPIC, lambda message: probability_of(message.data))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         with self.lock:
             for status in message.status:
                 if status.hardware_id == self._prefix:
                     name = status.name.removeprefix(f'{self._prefix}/')
-                    values = {each.key: each.value for each in status.values}
-                    self.record.add_status(Report(name, status.level[0], status.message, values), monotonic())
+                    values = {each.key: each.value[:LONGEST] for each in status.values[:MAX_VALUES]}
+                    report = Report(name, status.level[0], status.message[:LONGEST], values)
+                    self.record.add_status(report, monotonic())

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -13,6 +14,10 @@ from std_srvs.srv import Trigger
 from swath_sysid.nodes.model_intake import MAX_WAITING
 
 RELEASE = 'simulated_craft/release'
+
+
+def _plain(value: ParameterValue) -> Any:
+    return parameter_value_to_python(value) if value.type <= ParameterType.PARAMETER_STRING_ARRAY else None
 
 
 class PageRequests:
@@ -24,6 +29,7 @@ class PageRequests:
         self._on_kept = on_kept
         self._waiting: deque[Callable[[], None]] = deque(maxlen=MAX_WAITING)
         self._clients: dict[str, Any] = {}
+        self._asked: dict[str, Any] = {}
 
     def press(self, button: str) -> None:
         """A button was pressed, in any thread: a service of the identifier, ``push``, ``accept`` or ``refine``."""
@@ -52,7 +58,7 @@ class PageRequests:
             f'{node}/get_parameters',
             GetParameters,
             GetParameters.Request(names=names),
-            lambda answer: on_answer(*map(parameter_value_to_python, answer.values)),
+            lambda answer: on_answer(*map(_plain, answer.values)),
             quietly=True,
         )
 
@@ -64,7 +70,11 @@ class PageRequests:
     def _call(self, service: str, kind: Any, request: Any, on_answer: Callable, quietly: bool = False) -> None:
         client = self._client(service, kind)
         if client.service_is_ready():
-            client.call_async(request).add_done_callback(lambda future: on_answer(future.result()))
+            if quietly and service in self._asked:
+                # what is asked for all the time and never answered would be kept for ever
+                client.remove_pending_request(self._asked[service])
+            self._asked[service] = client.call_async(request)
+            self._asked[service].add_done_callback(lambda future: on_answer(future.result()))
         elif not quietly:
             self._report(f'{client.service_name} does not answer: start the nodes with swath-sysid run')
 
@@ -73,7 +83,7 @@ class PageRequests:
         parameter = Parameter('auto_identify', value=not is_kept).to_parameter_msg()
 
         def on_answer(answer: SetParameters.Response) -> None:
-            (result,) = answer.results
+            result = answer.results[0] if answer.results else SetParametersResult(reason='another node has answered')
             if result.successful:
                 self._on_kept(is_kept)
             self._report(result.reason or ('the model is kept' if is_kept else 'further releases refine the model'))

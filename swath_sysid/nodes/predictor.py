@@ -81,13 +81,15 @@ class Predictor(Node):
             if self.sea.is_fitting and not self.sea.hands_over(self.inbox.oldest_ns, until - begun):
                 return
             taken = (self.inbox.popleft(), False) if self._is_in_step else self.inbox.take()
-            if taken is not None:
-                (message, arrival, clock_ns), is_passed_over = taken
-                reading = imu_reading(message)
-                self._add(reading, arrival, is_passed_over)
-                self.health.note_frame_id(message.header.frame_id)
-                self.health.note_message(reading.stamp_ns, clock_ns, begun, perf_counter())
-                self.inbox.pace.note(perf_counter() - begun)
+            if taken is None:
+                self.pipeline.leave_out()
+                continue
+            (message, arrival, clock_ns), is_passed_over = taken
+            reading = imu_reading(message)
+            self._add(reading, arrival, is_passed_over)
+            self.health.note_frame_id(message.header.frame_id)
+            self.health.note_message(reading.stamp_ns, clock_ns, begun, perf_counter())
+            self.inbox.pace.note(perf_counter() - begun)
 
     def _add(self, reading: ImuReading, arrival: float, is_passed_over: bool) -> None:
         step = self.pipeline.begin(self.pipeline.intake.take(reading, arrival))

@@ -1,5 +1,6 @@
 """Recently received motion, forecasts, models and statuses, in memory of constant size, for display and guidance."""
 
+import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,20 @@ STALE_S = 5.0  #: s after which a status is ignored.
 SHOWN_S = 30.0  #: s of motion in a chart, and of the earlier forecasts that are kept for it.
 CHECKED_LEAD = 2.0  #: s; lead of the forecast that is kept until its motion has been measured.
 
+LARGEST = 1e6  #: In rad or m; a chart of a larger forecast would show nothing else.
+
+ANOTHERS = 'end or remap the other program that publishes on this topic'
+
 MAX_STATUSES = 100
+#: Statuses that the page reads, for which there is always room.
+READ = tuple(f'{node}: imu' for node in ('imu_buffer', 'predictor')) + (
+    'imu_buffer: window',
+    'predictor: installation',
+    'predictor: forecast',
+    'identifier: identification',
+)
+
+Calm = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -37,16 +51,45 @@ class Horizon:
     std: dict[str, np.ndarray]  #: Likewise.
 
 
-def horizon_of(stamp_ns: int, leads_ns: Sequence[int], columns: Sequence[str], positions: Sequence[float]) -> Horizon:
-    """A horizon from its message: stamp, times from then, and the columns (``roll``, ``roll_std``, ...) by lead."""
-    table = dict(zip(columns, np.asarray(positions, dtype=float).reshape(len(leads_ns), len(columns)).T, strict=True))
-    means = {name: values for name, values in table.items() if not name.endswith('_std')}
+def horizon_of(
+    stamp_ns: int,
+    leads_ns: Sequence[int],
+    columns: Sequence[str],
+    positions: Sequence[float],
+    shown: Sequence[str] = AXES,
+) -> Horizon:
+    """The ``shown`` quantities of a message: its stamp, times from then, and columns (``roll``, ``roll_std``, ...).
+
+    Raises:
+        InputError: It has other columns only, or values beyond `LARGEST`.
+    """
+    table = dict(zip(columns, np.reshape(positions, (len(leads_ns), len(columns))).T, strict=True))
+    means = {name: table[name] for name in shown if leads_ns and name in table}
+    if leads_ns and columns and not means:
+        raise InputError(f'the forecast has no {" or ".join(shown)}: {ANOTHERS}')
+    if np.any(np.abs(positions) > LARGEST):
+        raise InputError(f'the forecast has values beyond {LARGEST:g}: {ANOTHERS}')
     return Horizon(
         stamp_ns * NANOSECOND,
         np.asarray(leads_ns) * NANOSECOND,
         means,
         {name: table.get(f'{name}_std', np.zeros(len(leads_ns))) for name in means},
     )
+
+
+def calm_of(stamp_ns: int, times_ns: Sequence[int], columns: Sequence[str], positions: Sequence[float]) -> Calm | None:
+    """Start and end of a calm window, s, and its probability, from its message; None without one."""
+    if not times_ns:
+        return None
+    probability_of(positions[0] if positions else math.nan)
+    return (stamp_ns + times_ns[0]) * NANOSECOND, (stamp_ns + times_ns[-1]) * NANOSECOND, positions[0]
+
+
+def probability_of(value: float) -> float:
+    """The value; raises `InputError` where it is no probability."""
+    if not 0.0 <= value <= 1.0:
+        raise InputError(f'{value:g} is no probability: {ANOTHERS}')
+    return value
 
 
 class LiveRecord:
@@ -69,7 +112,8 @@ class LiveRecord:
         self.limits: QuiescenceLimits | None = None
         self.sea: SeaReport | None = None
         self.quiescence: float | None = None
-        self.calm: tuple[float, float, float] | None = None
+        self.calm: Calm | None = None
+        self.unreadable: dict[str, str] = {}  #: Why the newest message of a topic cannot be shown, where it cannot.
         self.is_kept = False
         self.can_push = False
 
@@ -110,7 +154,7 @@ class LiveRecord:
 
     def add_status(self, report: Report, clock: float) -> None:
         """Add a status, named ``NODE: NAME``."""
-        if report.name in self._statuses or len(self._statuses) < MAX_STATUSES:
+        if report.name in (*READ, *self._statuses) or len(self._statuses) < MAX_STATUSES:
             self._statuses[report.name] = clock, report
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:

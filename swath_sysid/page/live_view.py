@@ -41,9 +41,9 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
         if report is None:
             lines.append((name, WARN, f'no diagnostics from {status.partition(":")[0]}'))
             continue
-        rate = f'{float(str(report.values["rate_hz"])):.1f} Hz, ' if 'rate_hz' in report.values else ''
+        rate = f'{shown_number(report.values["rate_hz"])} Hz, ' if 'rate_hz' in report.values else ''
         # the card of the model shows the last verdict
-        is_known = report.level != OK or float(str(report.values.get(counter, 1))) > 0.0
+        is_known = report.level != OK or str(report.values.get(counter, 1)) != '0'
         lines.append((name, report.level if is_known else STALE, rate + report.message.partition('; last: ')[0]))
     noises = [
         f'{axis} {np.degrees(noise_level(motion.angle)):.2g} deg'
@@ -52,6 +52,14 @@ def health(statuses: Mapping[str, Report], motions: Mapping[str, AxisMotion]) ->
     ]
     lines.insert(2, ('Noise of the angles', OK if noises else STALE, ', '.join(noises) or 'not known yet'))
     return lines
+
+
+def shown_number(value: object) -> str:
+    """A number of a status with one decimal; another program may have sent anything in its place."""
+    try:
+        return f'{float(str(value)):.1f}'
+    except ValueError:
+        return '(no number)'
 
 
 def motion_chart(record: LiveRecord, quantity: str, motion: AxisMotion | None, age: float = 0.0) -> dict[str, list]:
@@ -186,7 +194,7 @@ def valid_words(statuses: Mapping[str, Report]) -> str:
     """How far ahead the forecast can be trusted; empty where it is not known."""
     report = statuses.get('predictor: forecast')
     leads = {} if report is None else {k: v for k, v in report.values.items() if k.startswith(VALID_LEAD)}
-    named = [f'{key.removeprefix(VALID_LEAD)[:-2]} {float(str(value)):.1f} s' for key, value in leads.items()]
+    named = [f'{key.removeprefix(VALID_LEAD)[:-2]} {shown_number(value)} s' for key, value in leads.items()]
     return f'Valid lead: {", ".join(named)}.' if named else ''
 
 

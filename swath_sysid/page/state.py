@@ -24,6 +24,7 @@ from swath_sysid.page.charts import motion_changes
 from swath_sysid.page.live_record import STALE_S, LiveRecord
 from swath_sysid.page.model_words import of_axis, verdict_of
 from swath_sysid.page.release import Release
+from swath_sysid.pipeline.health import WARN
 
 SELDOM = 3.0  #: s between looks at what rarely changes: the trials' folder, the predictor's parameters.
 
@@ -113,6 +114,7 @@ class PageState:
             is_said = bool(verdict) and of_axis(verdict, self._axis) in guidance.cure
             words = live_view.model_words(record, self._axis, None if is_said else verdict)
             valid = '' if age else live_view.valid_words(facts.statuses)
+            unreadable = [(source, WARN, f'not shown: {why}') for source, why in record.unreadable.items()]
             waters = live_view.calm_words(record, age), live_view.sea_words(record), valid
         if now - self._answered > 3.0 * PATIENCE_S:
             self.answers.clear()
@@ -127,7 +129,7 @@ class PageState:
         self.view = View(
             self._axis,
             guidance,
-            live_view.health(facts.statuses, facts.motions),
+            [*live_view.health(facts.statuses, facts.motions), *unreadable],
             charts,
             *self._fit(facts.releases.get(self._axis), facts.model),
             releases,
