@@ -8,7 +8,14 @@ from dataclasses import dataclass, field
 from math import inf, isnan
 from typing import TYPE_CHECKING, NamedTuple
 
-from swath_sysid.attitude.motion.intake import INTAKE_REASONS, NANOSECOND, NO_ORIENTATION, NO_RATES, UNKNOWN_COVARIANCE
+from swath_sysid.attitude.motion.intake import (
+    FROZEN,
+    INTAKE_REASONS,
+    NANOSECOND,
+    NO_ORIENTATION,
+    NO_RATES,
+    UNKNOWN_COVARIANCE,
+)
 from swath_sysid.attitude.motion.stamps import LOST, STAMP_REASONS, StampSettings
 from swath_sysid.attitude.motion.window import MotionWindow
 from swath_sysid.common.advice import CURES
@@ -45,8 +52,8 @@ NO_CLOCK = 'no-clock'
 
 HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
 
-#: Warned of from the second report in a row: a machine stalls once while programs start.
-RECURRING = {PASSED_OVER, LOST, BEHIND}
+#: Warned of from the second report in a row: a machine stalls once while programs start, and a driver may repeat one.
+RECURRING = {PASSED_OVER, LOST, BEHIND, FROZEN}
 
 #: Of a message or of values in it; the share is reported.
 LOSSES = {*STAMP_REASONS[:3], *INTAKE_REASONS, BEHIND}

@@ -37,7 +37,6 @@ WINDOW_BINS = 300
 MAX_STRETCHES = 20  #: Of a long record, over which they are spread; up to twice as many are judged.
 
 FROZEN = 5.0  #: s of fresh stamps with the same values.
-REPEATS = 5  #: Times as often as before a message is repeated where its sensor has frozen.
 IDENTITY = (0.0, 0.0, 0.0, 1.0)  #: Quaternion of no rotation.
 MIN_TURN = np.radians(3.0)  #: rad that the rates turn while the angles stand still; no angle is as coarse.
 GRAVITY_TOLERANCE = 0.2  #: Of gravity; consumer accelerometers are within a few percent.
@@ -231,7 +230,7 @@ class RepeatedMessages:
         self._past: deque[tuple[Sequence[float], int]] = deque(maxlen=WINDOW_BINS)  # values, and their repeats
 
     def add(self, stamp_ns: int, angles: Sequence[float], others: Sequence[float]) -> bool:
-        """Add the orientation of a message, and its rates and accelerations (6,); whether it is one repeat too many."""
+        """Add angles, rates and accelerations (6,) of a message; whether it repeats more often than others did."""
         if stamp_ns == self._stamp_ns:
             return self._is_frozen
         self._stamp_ns = stamp_ns
@@ -243,7 +242,7 @@ class RepeatedMessages:
             self._run = 0
             return False
         self._run += 1
-        if self._run == REPEATS * (1 + max(run for _, run in self._past)):
+        if self._run == 1 + max(run for _, run in self._past):
             steps = np.abs(np.diff([values for values, _ in self._past], axis=0))
             self._is_frozen = len(steps) > 0 and _resolves_motion(steps)
         return self._is_frozen
