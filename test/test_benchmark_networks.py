@@ -28,6 +28,7 @@ def swinging():
     return Trial(time, **{name: values + rng.normal(0.0, 1e-3, time.size) for name, values in motion.items()})
 
 
+@pytest.mark.long
 def test_without_torch_one_sentence_says_what_to_install():
     code = f"""
 import importlib.util, runpy, sys

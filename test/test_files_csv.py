@@ -170,13 +170,14 @@ def test_morro_buoy_is_turned_to_flu():
     assert 0.7 < np.polyfit(rates[2], derivatives[2], 1)[0] < 1.0
 
 
-def test_yaw_rate_and_heave_of_a_ship_without_gyro_are_read(data_folder):
-    path = data_folder / 'waves' / 'nbp1406_ship.csv'
-    raw = np.genfromtxt(path, delimiter=',', names=True)
-    trial = read_csv(path)
+def test_yaw_rate_and_heave_of_a_ship_without_gyro_are_read(tmp_path):
+    time, angle = np.arange(720.0), 2.0 * np.sin(np.arange(720.0))
+    heading, heave = np.round(88.0 + 5.0 * np.sin(0.05 * time), 3), np.round(1.5 * np.cos(0.7 * time), 3)
+    table = lines('time_s,roll_deg,pitch_deg,heading_deg,heave_m', time, angle, 0.5 * angle, heading, heave)
+    trial = read_csv(written(tmp_path, table))
     assert list(trial.channels) == ['roll', 'pitch', 'yaw_rate', 'heave']
-    assert np.array_equal(trial.heave, raw['heave_m'])
-    assert np.allclose(trial.yaw_rate[1:], -np.radians(np.diff(raw['heading_deg'])) / np.diff(raw['time_s']))
+    assert np.array_equal(trial.heave, heave)
+    assert np.allclose(trial.yaw_rate[1:], -np.radians(np.diff(heading)))
 
 
 def test_corrupt_packet_of_a_buoy_is_left_out_and_told(tmp_path):

@@ -244,8 +244,11 @@ def test_files_of_owners_hold_the_motion_that_was_measured(data_folder):
             assert np.nanmax(np.abs(values - there)) < (0.0051 if 'dinghy' in name else 1e-3), (name, channel)
 
 
-def test_a_file_in_hundredths_of_a_degree_is_read_with_its_unit_only(data_folder):
-    path = data_folder.parent / 'field' / 'hakusan_hundredths.txt'
+def test_a_file_in_hundredths_of_a_degree_is_read_with_its_unit_only(tmp_path):
+    path, phase = tmp_path / 'ship.txt', 0.7 * np.arange(1000)
+    rolling, pitching = np.round(1088.0 * np.sin(phase - 0.1281)), np.round(300.0 * np.sin(phase))
+    rows = (f'-292 {roll:.0f} {pitch:.0f} -689' for roll, pitch in zip(rolling, pitching, strict=True))
+    path.write_text('\n'.join(['# sample_rate_hz: 1', 'YawRate Rolling Pitching Rudder', *rows, '']))
     with pytest.raises(InputError, match="'Rolling' without a unit, .* up to 1088: .*=Rolling:cdeg' for hundredths"):
         read_trial(path)
     with pytest.raises(InputError, match="goes to 1088, .*hundredths of a degree, .*'roll=Rolling:cdeg'"):

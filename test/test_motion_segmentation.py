@@ -8,6 +8,7 @@ import pytest
 from craft_at_sea import jonswap
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from repository import ROOT
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SensorNoise, SimulatedCraft, simulated_trial
@@ -576,13 +577,14 @@ def test_simulated_records_are_told_what_they_lack(made, bounds, code):
 @pytest.mark.parametrize(
     ('name', 'code'),
     [
-        ('waves/morro_buoy', 'forced-motion'),
+        ('records/morro_buoy', 'forced-motion'),
         ('waves/nbp1406_ship', 'forced-motion'),
         ('faults/oahu_static_bad_packets', 'too-small'),
     ],
 )
-def test_records_without_a_decay_say_why(name, code, data_folder):
-    trial = read_trial(data_folder / f'{name}.csv')
+def test_records_without_a_decay_say_why(name, code, request):
+    folder = ROOT if name.startswith('records') else request.getfixturevalue('data_folder')
+    trial = read_trial(folder / f'{name}.csv')
     for motion in map(trial.axis, trial.axes):
         assert find_decays(motion) == () and [a.code for a in check_motion(motion)] == [code]
         assert code == 'too-small' or code in [a.code for a in check_decay(motion, find_decay(motion, 100.0, 300.0))]

@@ -72,6 +72,7 @@ def _fed(seen):
     return attitude
 
 
+@pytest.mark.long
 def test_the_moment_is_found_through_the_nonlinear_hull_and_reduced(sea):
     request = _request(sea[1][:30_000])
     found, fit = excitation.moment_spectrum(request), excitation.fit_excitation(request)

@@ -85,7 +85,8 @@ def test_samples_may_be_lost_quicker_than_the_imus_or_late(without, kind):
     assert (found[:2] < [0.2, 0.2]).all() and (found[:2] < 0.35 * without[:2]).all()
 
 
-@pytest.mark.parametrize('kind', ['stuck', pytest.param('lying', marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize('kind', ['stuck', 'lying'])
 def test_a_probe_that_is_stuck_or_lies_costs_little_and_serves_again(blind, without, kind):
     trial, probe = craft_and_probe()
     instead = probe[1900] if kind == 'stuck' else craft_and_probe(seed=9)[1]

@@ -185,6 +185,7 @@ def test_what_differs_is_computed_again(trials, done, tmp_path):
     assert work_off(trials, output, text=seeded).kept == 0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_bad_trials_are_named_and_the_rest_is_done(trials, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr('swath_sysid.common.processes.SerialExecutor', Remembering)

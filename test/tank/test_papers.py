@@ -65,6 +65,7 @@ def short_search(monkeypatch):
         monkeypatch.setitem(search.PRESETS, name, replace(preset, genetic=few))
 
 
+@pytest.mark.long
 def test_a_record_is_searched_down_to_its_exact_optimum_and_no_lower():
     record = study_record('swath-roll', 1.0, 5, seed=2)
     motion, trim = record.problem.motions[0], record.problem.states[0].trim
