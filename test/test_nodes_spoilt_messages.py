@@ -52,12 +52,12 @@ def used(node):
 def test_a_sensor_of_which_any_field_is_spoilt_is_used_again_when_it_is_well(made, kind):
     node, samples = made(kind), sensor()
     for _ in range(SAMPLES):
-        node._on_imu(next(samples))
+        take(node, next(samples))
     for _, message in spoilt(next(samples)):
-        node._on_imu(message)
+        take(node, message)
     before = used(node)
     for _ in range(SAMPLES):
-        node._on_imu(next(samples))
+        take(node, next(samples))
     assert used(node) - before > 0.9 * SAMPLES
 
 
@@ -73,7 +73,7 @@ def test_loadings_and_models_of_which_any_field_is_spoilt_are_refused_in_a_sente
 def test_windows_of_which_any_field_is_spoilt_are_refused_and_the_next_is_taken(made):
     buffer, samples = made(ImuBuffer), sensor()
     for _ in range(SAMPLES):
-        buffer._on_imu(next(samples))
+        take(buffer, next(samples))
     good = deserialize_message(window_message(buffer.window.table(), 'base_link'), PointCloud2)
     windows = made(Identifier)._windows
     for _, message in spoilt(good):

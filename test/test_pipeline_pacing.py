@@ -35,7 +35,7 @@ def test_a_processor_that_keeps_up_uses_every_sample(rate, cost):
 
 
 def test_after_a_stall_that_can_be_made_up_for_nothing_is_left_out():
-    used = played(100.0, 0.002, 20.0, stalls=[(5.0, 6.9)])
+    used = played(100.0, 0.002, 20.0, stalls=[(5.0, 6.2)])
     assert [round(sample * 100.0) for sample, _ in used] == list(range(len(used)))
 
 

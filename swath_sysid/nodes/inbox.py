@@ -51,13 +51,10 @@ class PacedInbox(Inbox):
         """Stamp of the message that has waited longest."""
         return stamp_ns(self[0].message.header.stamp)
 
-    def take(self) -> tuple[Arrival, bool] | None:
-        """The oldest message, and whether much newer ones wait behind it; None where it is left out."""
-        is_used = self.pace.is_used(len(self))
+    def take(self) -> tuple[Arrival, bool, bool]:
+        """The oldest message, whether to use it, and whether much newer ones wait behind it."""
+        is_used, age_ns = self.pace.is_used(len(self)), -self.oldest_ns
         arrival = self.popleft()
-        if not is_used:
-            self._health.note_left_out()
-            return None
         newest = self[self.pace.left - 1] if self.pace.left else arrival
-        age_ns = stamp_ns(newest.message.header.stamp) - stamp_ns(arrival.message.header.stamp)
-        return arrival, age_ns > PASSED_OVER_NS
+        age_ns += stamp_ns(newest.message.header.stamp)
+        return arrival, is_used, age_ns > PASSED_OVER_NS

@@ -1,6 +1,5 @@
 """The kernels of a node: loaded while it already answers and, where the cache lacks them, compiled beside it."""
 
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -16,8 +15,6 @@ from swath_sysid.common.processes import WorkerError, WorkerProcess
 from swath_sysid.nodes.diagnostics import report_slower
 
 LONGEST_END = 1.0  #: s; loading is not waited for longer when the node ends.
-#: s for which the thread that loads may keep the samples waiting; Python's own 5 ms add up to most of the time.
-SWITCH_INTERVAL = 0.0005
 
 
 class KernelLoading:
@@ -37,13 +34,11 @@ class KernelLoading:
         answer_at_once(False)
 
     def _load(self) -> None:
-        why, usual = None, sys.getswitchinterval()
-        sys.setswitchinterval(SWITCH_INTERVAL)
+        why = None
         if has_numba() and not load_kernels(self._warm_up) and not self._closing.is_set():
             why = self._compile()
         if not self._closing.is_set():
             report_slower(self._node, self._health, why or why_slower())
-        sys.setswitchinterval(usual)
 
     def _compile(self) -> Advice | None:
         """Fill the cache in a process of its own, and load from it; why that cannot be."""

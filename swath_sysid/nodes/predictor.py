@@ -80,11 +80,13 @@ class Predictor(Node):
         while self.inbox and (begun := perf_counter()) < until:
             if self.sea.is_fitting and not self.sea.hands_over(self.inbox.oldest_ns, until - begun):
                 return
-            taken = (self.inbox.popleft(), False) if self._is_in_step else self.inbox.take()
-            if taken is None:
-                self.pipeline.leave_out()
+            oldest_ns = self.inbox.oldest_ns
+            in_step = self._is_in_step and (self.inbox.popleft(), True, False)
+            (message, arrival, clock_ns), is_used, is_passed_over = in_step or self.inbox.take()
+            if not is_used:
+                self.pipeline.leave_out(oldest_ns, arrival)
+                self.health.note_left_out()
                 continue
-            (message, arrival, clock_ns), is_passed_over = taken
             reading = imu_reading(message)
             self._add(reading, arrival, is_passed_over)
             self.health.note_frame_id(message.header.frame_id)
@@ -100,8 +102,7 @@ class Predictor(Node):
         if step.sea_request is not None:
             self.sea.submit(step.sea_request, reading.stamp_ns)
         if is_passed_over:
-            if self.inbox.pace.stride == 1:
-                self.health.note(PASSED_OVER)
+            self.health.note(PASSED_OVER)
             return
         self.health.published += step.next is not None
         self.health.note_forecast(qos.arrival_time(self) - arrival, self.inbox.pace.stride)

@@ -161,8 +161,9 @@ class ForecastPipeline:
         self.counts[LOST] = max(self.counts[LOST] + step.lost - reasons.count(OUT_OF_ORDER), 0)
         return step
 
-    def leave_out(self) -> None:
-        """A message has come that is not used, for want of time: it is not lost."""
+    def leave_out(self, stamp_ns: int, arrival: float) -> None:
+        """A message has come that is not used, for want of time: it is not lost, and the sensor's rate is as before."""
+        self.intake.leave_out(stamp_ns, arrival)
         self._since_used += 1
 
     def _begin_again(self) -> None:

@@ -164,6 +164,8 @@ class Reasons:
         before, self._reported_counts = self._reported_counts, dict(counts)
         grown = {reason: count - before.get(reason, 0) for reason, count in counts.items()}
         grown = {reason: growth for reason, growth in grown.items() if growth > 0}
+        if BEHIND in grown:
+            grown.pop(PASSED_OVER, None)  # which it explains
         self._lasting = sorted(LASTING & grown.keys())
         known = HARMLESS | {reason for reason in LASTING if before.get(reason, 0) > 0} | (RECURRING - self._grown)
         self._grown = set(grown)

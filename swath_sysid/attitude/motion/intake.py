@@ -225,6 +225,10 @@ class Intake:
         converted = convert(reading, self._installation)
         return ConvertedReading(converted.sample, reasons + converted.reasons) if reasons else converted
 
+    def leave_out(self, stamp_ns: int, arrival: float) -> None:
+        """Keep count of the stamp of a message that is not used; see `take`."""
+        self._order.place(stamp_ns, arrival)
+
     def place(self, sample: CraftSample) -> ConvertedReading:
         """Place the next sample of a record, which was cleaned and turned as a whole; reasons of `STAMP_REASONS`."""
         _, roll, pitch, *others = sample[:8]

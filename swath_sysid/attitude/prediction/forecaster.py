@@ -223,7 +223,7 @@ class Forecaster:
         linked = since <= MEMORY_OF_SIZE * self._scale.period
         self._stamp, self._sampled = stamp, Sampled(0.0, 1)
         if linked:
-            self._sampled = self._clock.sensor.follow(since)
+            self._sampled = self._clock.sensor.follow(since, count)
             self._time += self._sampled.elapsed
             self._lay_out()
         else:

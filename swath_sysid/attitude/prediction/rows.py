@@ -80,9 +80,9 @@ class SampleClock:
         """Forget the time of the newest sample."""
         self._behind = self._told = 0.0
 
-    def follow(self, elapsed: float) -> Sampled:
-        """Take the time, s, between the stamps of a sample and of the one before."""
-        self._newest.append(elapsed)
+    def follow(self, elapsed: float, count: int = 1) -> Sampled:
+        """Take the time, s, between the stamps of a sample and of the one before; so many have come since, with it."""
+        self._newest.append(elapsed / count)
         self.count = min(self.count + 1, 1000)
         if self.count <= _INTERVALS:
             # while the loop settles; most samples arrive, so that the median is of whole intervals
@@ -94,7 +94,7 @@ class SampleClock:
         more = math.copysign(max(round(abs(relative - 1.0) - doubt), 0), relative - 1.0)
         intervals = max(1 + int(more), 0 if self.count > _INTERVALS else 1)
         deviation = relative - intervals
-        if self._has_another_rate(elapsed):
+        if self._has_another_rate(elapsed / count):
             return Sampled(elapsed, 1)
         if intervals == 0:
             passed = elapsed if doubt == 0.0 else JITTER * self.interval
