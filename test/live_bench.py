@@ -110,6 +110,12 @@ class Spinning:
         self._node.destroy_node()
 
 
+def take(node, message):
+    """Have a node handle a message at once."""
+    node.inbox.put(message)
+    node.work(60.0)
+
+
 class Bench:
     """A node that publishes IMU messages and keeps what the nodes publish."""
 

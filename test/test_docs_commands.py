@@ -37,7 +37,7 @@ INSTALLS = 'installs; the stages of .ci/run install by pip and by colcon'
 ROS_APT = 'needs what comes with ROS 2 from apt only'
 #: by page and by how the block begins, with the reason; nothing else is left out
 NOT_RUN = {
-    'README.md': {'pip install': INSTALLS},
+    'README.md': {'make demo': 'makes an environment: run before all that changes', 'python3 -m venv': INSTALLS},
     'docs/howto/controllers.md': {
         'python examples/landing.py morro_buoy.csv --frame frd --figure landing.png --live': (
             'takes minutes: test_examples_controllers.py decides landings by what the node publishes'
@@ -66,7 +66,7 @@ NOT_RUN = {
     'docs/tutorials/manoeuvring.md': {'bash examples/': 'takes a minute; the page runs what it calls, one by one'},
 }
 PIPES = {'stdout': subprocess.PIPE, 'stderr': subprocess.STDOUT, 'text': True}
-LANGUAGES = {'bash', 'text', 'yaml', 'python'}
+LANGUAGES = {'bash', 'text', 'yaml', 'python', 'ini', 'nginx'}  # the last two for systemd and nginx
 NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
 
 

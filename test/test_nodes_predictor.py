@@ -9,7 +9,7 @@ import pytest
 rclpy = pytest.importorskip('rclpy')
 
 from imu_stream import EPOCH_NS, reading  # noqa: E402
-from live_bench import LATCHED, RELIABLE, Bench, imu_message, stamp_ns, wait_for  # noqa: E402
+from live_bench import LATCHED, RELIABLE, Bench, imu_message, stamp_ns, take, wait_for  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
@@ -47,12 +47,6 @@ def predictor():
     yield node
     node.destroy_node()
     rclpy.try_shutdown()
-
-
-def take(node, message):
-    """Have a node handle a message at once."""
-    node.inbox.put(message)
-    node.work(60.0)
 
 
 def set_parameters(node, **values):

@@ -7,7 +7,7 @@ import pytest
 rclpy = pytest.importorskip('rclpy')
 
 from imu_stream import EPOCH_NS, reading  # noqa: E402
-from live_bench import imu_message  # noqa: E402
+from live_bench import imu_message, take  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
 from rclpy.signals import SignalHandlerOptions  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402

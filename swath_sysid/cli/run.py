@@ -22,7 +22,7 @@ from swath_sysid.formats.files import shown
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.schema import plain_content
 from swath_sysid.formats.topics import IMU_TOPIC, LEADS, TYPES, type_of
-from swath_sysid.nodes.parameters.parameter_files import OPTION, Section, check_sections, sections_of
+from swath_sysid.nodes.parameters.parameter_files import OPTION, Section, check_sections, sections_of, values_of
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module
 from swath_sysid.share import share_folder
 
@@ -166,7 +166,10 @@ def ros_arguments(arguments: Namespace) -> list[str]:
     """What follows ``--ros-args`` for the nodes."""
     given = ['--params-file', arguments.params_file] if arguments.params_file else []
     # ROS would log a line of its own before its sentence, and would be silent about a name that is misspelt
-    check_sections([*_given_sections([*given, *arguments.ros_args])], full_names(arguments))
+    sections, names = [*_given_sections([*given, *arguments.ros_args])], full_names(arguments)
+    check_sections(sections, names)
+    for node, name in names.items():
+        values_of(sections, node, name)
     if arguments.model:
         node = arguments.only or 'identifier'
         if node not in MODEL_PARAMETERS:

@@ -73,7 +73,7 @@ def _by_name(group: Values, before: str = '') -> Iterator[tuple[str, Any]]:
 
 
 def check_sections(sections: Sequence[Section], full_names: Mapping[str, str]) -> None:
-    """Raise `InputError` for what is nearly one of our nodes or parameters, for values of a wrong type, and for a file
+    """Raise `InputError` for what is nearly one of our nodes or parameters, and for a file
     without anything for our nodes, which have these full names. What is for other nodes is left alone.
     """
     for section in sections:
@@ -88,8 +88,6 @@ def check_sections(sections: Sequence[Section], full_names: Mapping[str, str]) -
                 f'{section.source} has no section for any of these nodes, only for others such as '
                 f'{shown(section.name)}: name one /** or {next(iter(full_names.values()))}'
             )
-    for node, name in full_names.items():
-        values_of(sections, node, name)
 
 
 def _check_names(section: Section, nodes: Sequence[str]) -> None:
