@@ -15,7 +15,8 @@ os.environ['COLUMNS'] = '100'
 
 import swath_sysid  # noqa: E402
 from swath_sysid.cli.main import VERBS, build_parser  # noqa: E402
-from swath_sysid.common.advice import FLAGS, REASONS, SENTENCES  # noqa: E402
+from swath_sysid.common.advice import FLAGS, SENTENCES  # noqa: E402
+from swath_sysid.common.conditions import GROUPS  # noqa: E402
 from swath_sysid.formats.registry import TANK  # noqa: E402
 from swath_sysid.formats.vocabulary import MOTION_QUANTITIES  # noqa: E402
 from swath_sysid.nodes.parameters.parameter_files import yaml_value  # noqa: E402
@@ -126,10 +127,30 @@ def parameters():
     return f'# Parameters\n\n{head}\n\n' + '\n\n'.join(f'## {node}\n\n{markdown_table(node)}' for node in NODES)
 
 
-def reasons_table():
-    """Every reason that is counted and what to do about it, as a Markdown table."""
-    rows = [f'| `{reason}` | {cure.replace("|", "/")} |' for reason, cure in REASONS.items()]
-    return '\n'.join(['| counted as | what it means, and what to do |', '|---|---|', *rows]) + '\n'
+def in_words(sentence):
+    """A sentence for a table of Markdown; its values are in italics by name."""
+    return re.sub(r'{(\w+)[^}]*}', lambda value: f'*{value[1].replace("_", " ")}*', sentence.replace('|', '\\|'))
+
+
+#: When a condition is warned of, by `Condition.warns`.
+WARNED = {
+    'always': 'whenever its count grows',
+    'recurring': 'from the second report in a row',
+    'once': 'once, then reported while it lasts',
+    'never': 'never',
+}
+
+
+def conditions_table():
+    """Every condition of /diagnostics by its code, as a Markdown table."""
+    rows = []
+    for group, conditions in GROUPS.items():
+        for code, each in conditions.items():
+            text = in_words(': '.join(filter(None, (each.sentence, each.cure))))
+            warned = 'while it holds' if group.endswith('states') else WARNED[each.warns]
+            rows.append(f'| `{code}` | {each.level} | {text} | {warned} |')
+    head = ['| code | level | what it means, and what to do | warned of |', '|---|---|---|---|']
+    return '\n'.join([*head, *sorted(set(rows))]) + '\n'
 
 
 def tank_formats():
@@ -149,28 +170,18 @@ def column_names():
 
 
 def warnings_table():
-    """Every warning with its sentences and flags, as a Markdown table; values are in italics by name."""
+    """Every warning with its sentences and flags, as a Markdown table."""
     sentences: dict[str, list[str]] = {}
     for key, sentence in SENTENCES.items():
-        words = re.sub(r'{(\w+)[^}]*}', lambda value: f'*{value[1].replace("_", " ")}*', sentence.replace('|', '\\|'))
-        sentences.setdefault(key.partition(':')[0], []).append(words)
+        sentences.setdefault(key.partition(':')[0], []).append(in_words(sentence))
     flags = {code: f'`{words}`' for code, words in FLAGS.items()}
     rows = [f'| `{code}` | {"<br>".join(texts)} | {flags.get(code, "")} |' for code, texts in sentences.items()]
     return '\n'.join(['| code | what it says | on the command line |', '|---|---|---|', *rows]) + '\n'
 
 
-def all_warnings():
-    """The catalogue of sentences."""
-    head = (
-        'The command line, `--json`, the log and the model file give each warning with its code. Words in italics stand'
-        ' for values. [The verdict on a fit](../reference/warnings.md) has its own page.'
-    )
-    return f'# Warnings\n\n{head}\n\n{warnings_table()}'
-
-
 write('commands.md', commands())
 write('parameters.md', parameters())
-write('parts/counted.md', reasons_table())
+write('parts/conditions.md', conditions_table())
 write('parts/tank_formats.md', tank_formats())
 write('parts/column_names.md', column_names())
-write('warnings.md', all_warnings())
+write('parts/warnings.md', warnings_table())

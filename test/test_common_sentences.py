@@ -9,7 +9,10 @@ from string import Formatter
 import pytest
 
 import swath_sysid
+from swath_sysid.attitude.motion import intake, stamps
+from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.advice import FLAGS, SENTENCES, Advice
+from swath_sysid.common.conditions import CONDITIONS, GROUPS, LEVELS, codes_in
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import processes, results_in_order
 
@@ -24,9 +27,9 @@ def nodes():
     return [node for tree in trees for node in ast.walk(tree)]
 
 
-def values_of(key):
+def values_of(sentence):
     """Names of the values of a sentence, with their formats."""
-    return {name: spec for _, name, spec, _ in Formatter().parse(SENTENCES[key]) if name is not None}
+    return {name: spec for _, name, spec, _ in Formatter().parse(sentence) if name is not None}
 
 
 def test_every_value_is_filled_every_sentence_used_and_every_flag_at_a_code(nodes):
@@ -35,7 +38,7 @@ def test_every_value_is_filled_every_sentence_used_and_every_flag_at_a_code(node
     for call in calls:
         if isinstance(call.args[0], ast.Constant):
             key = call.args[0].value
-            assert key in SENTENCES and {each.arg for each in call.keywords} == set(values_of(key)), key
+            assert key in SENTENCES and {each.arg for each in call.keywords} == set(values_of(SENTENCES[key])), key
     texts = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
     assert set(SENTENCES) <= texts
     assert set(FLAGS) <= texts | {key.partition(':')[0] for key in SENTENCES}
@@ -43,9 +46,38 @@ def test_every_value_is_filled_every_sentence_used_and_every_flag_at_a_code(node
 
 def test_sentences_are_filled_and_not_too_long():
     for key in SENTENCES:
-        advice = Advice.of(key, **{name: 12.345 if spec else 'a name' for name, spec in values_of(key).items()})
+        advice = Advice.of(
+            key, **{name: 12.345 if spec else 'a name' for name, spec in values_of(SENTENCES[key]).items()}
+        )
         assert advice.code == key.partition(':')[0] and advice.code.replace('-', '').isalnum()
         assert len(advice.message) <= LONGEST and '{' not in advice.message, key
+
+
+def test_every_condition_that_is_noticed_is_a_row_and_every_row_is_noticed(nodes):
+    noticed = {each for axis in AXES for each in (f'outlier-{axis}', f'gate-restarted-{axis}')}
+    noticed |= {
+        value for name, value in (vars(stamps) | vars(intake)).items() if name.isupper() and isinstance(value, str)
+    }
+    assert noticed == set(codes_in('stamps', 'losses', 'intake', 'filters'))
+    for call in (node for node in nodes if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)):
+        place = {'note': 0, 'found': 0, 'note_while': 1}.get(call.func.attr, 99)
+        if place < len(call.args) and isinstance(call.args[place], ast.Constant):
+            code = call.args[place].value
+            rows = [rows[code] for rows in GROUPS.values() if code in rows]
+            assert rows, code
+            values = {each.arg for each in call.keywords}
+            assert call.func.attr != 'found' or any(values == set(values_of(row.sentence)) for row in rows), code
+    texts = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    assert {code for rows in GROUPS.values() for code in rows} <= noticed | texts
+
+
+def test_a_row_says_what_to_do_at_a_level_and_when_it_is_warned_of():
+    for group, rows in GROUPS.items():
+        for code, row in rows.items():
+            assert row.level in LEVELS and row.warns in ('always', 'recurring', 'once', 'never'), code
+            assert row.unless in ('', *CONDITIONS), code
+            assert len(row.sentence + row.cure) <= LONGEST and (row.cure or row.sentence), code
+            assert CONDITIONS[code] == row or group.startswith('manoeuvring')
 
 
 def square_and_process(number):

@@ -20,21 +20,14 @@ from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel, ScheduledModel  # noqa: E402
 from swath_sysid.attitude.motion.stamps import LOST  # noqa: E402
 from swath_sysid.attitude.prediction.sea_state import SeaReport  # noqa: E402
+from swath_sysid.common.conditions import CONDITIONS  # noqa: E402
 from swath_sysid.formats.model_file import scheduled_to_yaml  # noqa: E402
 from swath_sysid.formats.topics import QUIESCENCE_TOPIC, SEA_TOPIC  # noqa: E402
 from swath_sysid.nodes.executor_loop import events_executor, turn  # noqa: E402
 from swath_sysid.nodes.inbox import PASSED_OVER_NS  # noqa: E402
 from swath_sysid.nodes.predictor import Predictor  # noqa: E402
 from swath_sysid.nodes.worker import WorkerError  # noqa: E402
-from swath_sysid.pipeline.health import (  # noqa: E402
-    BAD_LOADING,
-    BEHIND,
-    HARMLESS,
-    LATE_FIT,
-    LOADING_ADVICE,
-    NOT_FITTED,
-    PASSED_OVER,
-)
+from swath_sysid.pipeline.health import BEHIND  # noqa: E402
 from swath_sysid.pipeline.pacing import Pace  # noqa: E402
 
 pytestmark = pytest.mark.dds
@@ -103,10 +96,10 @@ def test_a_fit_that_comes_after_its_time_is_counted_and_warns_nobody(sailing, sa
     predictor, sail = sailing
     for _ in range(samples_meanwhile):
         sail(1)
-    assert len(predictor.sea.worker.work) == 1 and LATE_FIT in HARMLESS
+    assert len(predictor.sea.worker.work) == 1 and CONDITIONS['late-fit'].warns == 'never'
     predictor.sea.worker.finish()
     sail(1)
-    assert predictor.health.counts[LATE_FIT] == late
+    assert predictor.health.counts['late-fit'] == late
 
 
 def test_waves_that_cannot_be_fitted_warn_until_they_can(sailing):
@@ -122,7 +115,7 @@ def test_waves_that_cannot_be_fitted_warn_until_they_can(sailing):
     assert levels and all('waves-not-fitted' in told for told in levels)
     predictor.sea.worker.finish()
     sail(1)
-    assert not predictor.health.holding and predictor.health.counts[NOT_FITTED] == 1
+    assert not predictor.health.holding and predictor.health.counts['waves-not-fitted'] == 1
 
 
 def test_a_sea_state_that_comes_with_a_sample_that_is_passed_over_is_told(predictor, monkeypatch):
@@ -194,7 +187,7 @@ def test_after_a_stall_it_forecasts_from_the_newest_and_leaves_out_what_it_has_n
         for k in range(1, 50):
             send(k, k + 1)
             spin_until(lambda k=k: predictor.health.received > k, 'sample')
-        assert predictor.health.counts[PASSED_OVER] == 0
+        assert predictor.health.counts['passed-over'] == 0
         wait_for(lambda: bench.newest_stamp() == EPOCH_NS + 50 * interval_ns, 'forecast')
         bench.heard['forecast/next'].clear()
         leads.clear()
@@ -209,7 +202,7 @@ def test_after_a_stall_it_forecasts_from_the_newest_and_leaves_out_what_it_has_n
         assert predictor.pipeline.used == 50 + count // stride
         values = predictor.health.reports(0.0, newest)[0].values
         assert values[BEHIND] == count - count // stride and values[LOST] == 0
-        assert values[PASSED_OVER] == count // stride - (PASSED_OVER_NS // (stride * interval_ns) + 1)
+        assert values['passed-over'] == count // stride - (PASSED_OVER_NS // (stride * interval_ns) + 1)
     finally:
         executor.shutdown()
         bench.close()
@@ -239,12 +232,12 @@ def test_the_predictor_follows_the_draft(predictor):
         wait_for_stiffness(9.0)
         loading.publish(Float64(data=0.1))
         wait_for_stiffness(12.0)
-        assert counts[LOADING_ADVICE] == 0
+        assert counts['loading-advice'] == 0
         loading.publish(Float64(data=0.5))
         wait_for_stiffness(7.0)
-        assert counts[LOADING_ADVICE] == 1
+        assert counts['loading-advice'] == 1
         loading.publish(Float64(data=-1.0))
-        wait_for(lambda: executor.spin_once(timeout_sec=0.02) or counts[BAD_LOADING] == 1, 'a draft that is none')
+        wait_for(lambda: executor.spin_once(timeout_sec=0.02) or counts['bad-loading'] == 1, 'a draft that is none')
         assert set_parameters(predictor, loading=-2.0) == [False]
         assert set_parameters(predictor, loading=0.1) == [True]
         wait_for_stiffness(12.0)

@@ -23,7 +23,7 @@ from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.nodes.executor_loop import events_executor  # noqa: E402
 from swath_sysid.nodes.upstream_topics import Upstream  # noqa: E402
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings  # noqa: E402
-from swath_sysid.pipeline.health import BAD_UPSTREAM, OK, WARN, Reasons  # noqa: E402
+from swath_sysid.pipeline.health import OK, WARN, Reasons  # noqa: E402
 from swath_sysid.pipeline.record_run import run_through  # noqa: E402
 
 pytestmark = pytest.mark.dds
@@ -66,7 +66,7 @@ def stamped(kind, stamp_ns, **values):
 
 def listening(node, entries):
     """Upstream channels that hear the node's publishers, what they took, the counts of bad ones, and the pipeline."""
-    health, taken, upstream = Reasons([BAD_UPSTREAM]), [], Upstream(node, entries, 10)
+    health, taken, upstream = Reasons('predictor'), [], Upstream(node, entries, 10)
     pipeline = SimpleNamespace(newest_ns=0, add_upstream=lambda *sample: taken.append(sample))
     upstream.listen(pipeline, health)
     return upstream, taken, health, pipeline
@@ -101,7 +101,7 @@ def test_topics_of_all_types_are_channels(node):
     assert (found['buoy:x'], found['buoy:z']) == ((6_000_000_000, -1.0), (6_000_000_000, 0.5))
     assert [found[name][1] for name in leader] == pytest.approx([0.1, -0.2, 0.3], abs=1e-9)
     (report,) = upstream.reports()
-    assert report.level == OK and report.values['received_/buoy'] == 1 and health.counts == {BAD_UPSTREAM: 0}
+    assert report.level == OK and report.values['received_/buoy'] == 1 and not any(health.counts.values())
 
 
 def test_bad_messages_are_counted_and_left_out(node):
@@ -116,7 +116,7 @@ def test_bad_messages_are_counted_and_left_out(node):
     for seconds, distance in ((1, 1.0), (2, math.inf), (3, math.nan), (3, 2.0), (4, 3.0)):
         sonar.publish(stamped(Range, seconds * 10**9, range=distance))
     spin_until(node, lambda: len(taken) == 2, 'the good ones')
-    spin_until(node, lambda: health.counts[BAD_UPSTREAM] == 5, 'the bad ones')
+    spin_until(node, lambda: health.counts['bad-upstream'] == 5, 'the bad ones')
     assert [value for _, _, value in taken] == [1.0, 3.0]
     (report,) = upstream.reports()
     assert (report.values['left_out_/sonar'], report.values['left_out_/leader']) == (3, 2)

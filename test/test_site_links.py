@@ -15,7 +15,8 @@ from site_pages import PAGES, command_lines, parse
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
 from swath_sysid.attitude.identification.search import PRESETS
 from swath_sysid.cli.main import VERBS
-from swath_sysid.common.advice import REASONS, SENTENCES
+from swath_sysid.common.advice import SENTENCES
+from swath_sysid.common.conditions import GROUPS
 from swath_sysid.common.wings import handed_in
 from swath_sysid.formats.topics import LEADS, TYPES
 from swath_sysid.nodes.parameters.table import NODES, table_of
@@ -113,7 +114,12 @@ def test_generated_pages_are_those_of_the_code(tmp_path):
     for node in NODES:
         assert all(f'| `{parameter.name}` |' in written['parameters.md'] for parameter in table_of(node))
     assert all(f'\n## {verb}\n' in written['commands.md'] for verb in VERBS)
-    assert all(f'| `{reason}` |' in written['counted.md'] for reason in REASONS)
+    conditions = written['conditions.md']
+    for code, each in ((code, each) for rows in GROUPS.values() for code, each in rows.items()):
+        assert f'| `{code}` | {each.level} |' in conditions and each.cure.replace('|', '\\|') in conditions
+    assert all(
+        f'../generated/parts/{name}.md' in PAGES['docs/reference/warnings.md'] for name in ('conditions', 'warnings')
+    )
     rows = written['warnings.md'].splitlines()
     assert all(any(row.startswith(f'| `{key.partition(":")[0]}` |') for row in rows) for key in SENTENCES)
-    assert '{' not in written['warnings.md']
+    assert '{' not in written['warnings.md'] + conditions

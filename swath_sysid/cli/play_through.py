@@ -10,7 +10,8 @@ from typing import Any
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import columns_of
-from swath_sysid.common.advice import REASONS, Advice, counted
+from swath_sysid.common.advice import Advice, counted
+from swath_sysid.common.conditions import CONDITIONS
 from swath_sysid.common.wings import offered
 from swath_sysid.formats.bags import is_bag
 from swath_sysid.formats.model_file import read_model
@@ -121,5 +122,5 @@ def _report_counts(pipeline: Any, messages: int) -> dict[str, int]:
     found = {reason: count for reason, count in counts.items() if count}
     for reason, count in found.items():
         times = '' if count >= messages else f' ({counted(count, "time")})'
-        print(f'{reason}{times}: {REASONS[reason]}', file=sys.stderr)
+        print(f'{reason}{times}: {CONDITIONS[reason].cure}', file=sys.stderr)
     return found

@@ -1,7 +1,6 @@
 """Warnings as values: the core returns them, the callers show them; and the catalogue of their sentences.
 
-Those of the core are in sentences.yaml beside this module, those of a wing in its own; flags and diagnostics add
-to them.
+Those of the core are in sentences.yaml beside this module, those of a wing in its own; flags add to them.
 """
 
 from collections.abc import Iterable
@@ -18,8 +17,6 @@ for _, _wing in tables_of_wings('sentences.yaml'):
 
 SENTENCES = _TABLES['sentences']
 FLAGS = _TABLES['flags']
-REASONS = _TABLES['reasons']
-CURES = {**REASONS, **_TABLES['states']}
 
 
 @dataclass(frozen=True)

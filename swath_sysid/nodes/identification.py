@@ -19,7 +19,7 @@ from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.table import Values
 from swath_sysid.nodes.qos import SERVICES, watched_publisher
 from swath_sysid.nodes.worker import AnswerQueue, Worker, WorkerError, outcome_of
-from swath_sysid.pipeline.health import IDENTIFICATION_WORKER_DIED, IdentifierHealth, Report
+from swath_sysid.pipeline.health import IdentifierHealth, Report
 
 BUSY = 'an identification is running: wait for it or call ~/cancel'
 CANCELLED = 'the identification was cancelled'
@@ -63,7 +63,7 @@ class IdentificationNode(Node):
         self.create_service(Trigger, '~/cancel', self._on_cancel, **waiting)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
         idle_s = self.parameters['worker_idle_s']
-        self.worker = Worker(warm_up, lambda: self.health.note(IDENTIFICATION_WORKER_DIED), idle_s)
+        self.worker = Worker(warm_up, lambda: self.health.note('identification-worker-died'), idle_s)
         # why its work takes longer than it could: numba is loaded there, not here
         self.worker.submit(why_slower, (), lambda why, error: report_slower(self, self.health, why))
 

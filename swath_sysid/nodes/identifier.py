@@ -27,7 +27,7 @@ from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNo
 from swath_sysid.nodes.kept_model import ModelFile
 from swath_sysid.nodes.parameters.settings import refit_settings
 from swath_sysid.nodes.qos import LATCHED, SERVICES, watched_publisher, watched_subscription
-from swath_sysid.pipeline.health import BAD_WINDOW, IdentifierHealth, Report, stability_report, verdict_values
+from swath_sysid.pipeline.health import IdentifierHealth, Report, stability_report, verdict_values
 
 
 class WindowClient:
@@ -69,7 +69,7 @@ class WindowClient:
         try:
             self.newest, self._refused = window_table(message), ''
         except InputError as error:
-            self._health.note(BAD_WINDOW)
+            self._health.note('bad-window')
             self._refused = str(error)
             self._node.get_logger().error(self._refused)
             self.stop_waiting(self._refused)

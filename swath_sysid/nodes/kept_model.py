@@ -7,7 +7,7 @@ from typing import Any
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import keep_copy, kept_files, set_aside
-from swath_sysid.pipeline.health import BAD_MODEL_FILE, NOT_SAVED, IdentifierHealth
+from swath_sysid.pipeline.health import IdentifierHealth
 
 PARAMETER = 'model_path'  #: The parameter of both identifiers that names the file.
 
@@ -32,7 +32,7 @@ class ModelFile:
             return self._read(self._path)
         except InputError as error:
             self._refusal = str(error)
-            self._health.note(BAD_MODEL_FILE, PARAMETER, self._refusal)
+            self._health.note('bad-model-file', PARAMETER, self._refusal)
             return None
 
     def history(self) -> list:
@@ -63,12 +63,12 @@ class ModelFile:
         if self._path is None:
             return ''
         if self._refusal:
-            self._health.note(NOT_SAVED)
+            self._health.note('model-not-saved')
             return f'; not saved: it would replace a file that could not be read, {self._path}'
         try:
             before = self._replace(self._path, model)
         except (InputError, OSError) as error:
-            self._health.note(NOT_SAVED, PARAMETER)
+            self._health.note('model-not-saved', PARAMETER)
             return f'; not saved: {error}'
         self._health.settle(PARAMETER)
         return '' if before is None else f'; the previous model file is kept as {before}'

@@ -26,7 +26,7 @@ from swath_sysid.nodes.sea_fitting import SeaFitting
 from swath_sysid.nodes.upstream_topics import Upstream
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, warm_up
-from swath_sysid.pipeline.health import BAD_LOADING, LOADING_ADVICE, PASSED_OVER, Report
+from swath_sysid.pipeline.health import Report
 
 
 class Predictor(Node):
@@ -102,7 +102,7 @@ class Predictor(Node):
         if step.sea_request is not None:
             self.sea.submit(step.sea_request, reading.stamp_ns)
         if is_passed_over:
-            self.health.note(PASSED_OVER)
+            self.health.note('passed-over')
             return
         self.health.published += step.next is not None
         self.health.note_forecast(qos.arrival_time(self) - arrival, self.inbox.pace.stride)
@@ -133,7 +133,7 @@ class Predictor(Node):
             self._load()
         except InputError as error:
             self._published_loading = before
-            self.health.note(BAD_LOADING, 'loading')
+            self.health.note('bad-loading', 'loading')
             self.get_logger().error(f'{error}; the previous loading stays')
 
     def _on_parameters(self, settings: PipelineSettings) -> None:
@@ -146,7 +146,7 @@ class Predictor(Node):
         self.pipeline.set_models(models)
         self.health.settle('loading')
         for item in advice:
-            self.health.note(LOADING_ADVICE, 'loading')
+            self.health.note('loading-advice', 'loading')
             self.get_logger().warning(item.message)
 
     def _reports(self) -> list[Report]:

@@ -8,7 +8,6 @@ from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.nodes.worker import Worker
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
-from swath_sysid.pipeline.health import LATE_FIT, NOT_FITTED, WAVE_WORKER_DIED
 
 
 class SeaFitting:
@@ -23,7 +22,7 @@ class SeaFitting:
         self._ended: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
         self.is_fitting = False  #: Whether `hands_over` is to be called before each sample.
         self._due_ns = self._newest_ns = 0
-        self.worker = Worker(warm_up, lambda: health.note(WAVE_WORKER_DIED))
+        self.worker = Worker(warm_up, lambda: health.note('wave-worker-died'))
 
     def close(self) -> None:
         """End the worker."""
@@ -32,7 +31,7 @@ class SeaFitting:
     def submit(self, request: Any, stamp_ns: int) -> None:
         """Fit the past that a step at this stamp asked for, unless a fit is still under way."""
         if self.is_fitting:
-            self._health.note(LATE_FIT)
+            self._health.note('late-fit')
             return
         self.is_fitting, self._newest_ns = True, stamp_ns
         self._due_ns = stamp_ns + round(self._pipeline.settings.forecaster.refit_delay * SECOND_NS)
@@ -47,11 +46,11 @@ class SeaFitting:
                 return False
             self.is_fitting = False
             if error is not None:
-                self._health.note(NOT_FITTED, 'waves')
+                self._health.note('waves-not-fitted', 'waves')
                 self._logger.error(f'the waves were not fitted: {error}')
                 continue
             if self._newest_ns >= self._due_ns:
-                self._health.note(LATE_FIT)
+                self._health.note('late-fit')
             self._health.settle('waves')
             self._pipeline.install(fit)
         self._newest_ns = stamp_ns

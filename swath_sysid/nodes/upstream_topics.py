@@ -16,7 +16,7 @@ from swath_sysid.formats.messages import stamp_of
 from swath_sysid.formats.upstream_channels import channels_of, field_value, kind_of
 from swath_sysid.nodes.qos import message_class, watched_subscription
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.pipeline.health import BAD_UPSTREAM, DISCOVERY, OK, WARN, Arrivals, Reasons, Report
+from swath_sysid.pipeline.health import DISCOVERY, OK, WARN, Arrivals, Reasons, Report
 
 
 @dataclass
@@ -109,7 +109,7 @@ class Upstream:
 
     def _leave_out(self, source: Source) -> None:
         source.left_out += 1
-        self._health.note(BAD_UPSTREAM)
+        self._health.note('bad-upstream')
 
     def _types_of(self, topic: str) -> list[str]:
         return next((types for name, types in self._node.get_topic_names_and_types() if name == topic), [])

@@ -14,16 +14,7 @@ class PredictorHealth(health.StreamHealth):
     """How samples become forecasts; see `StreamHealth`."""
 
     def __init__(self, topic: str, pipeline: ForecastPipeline):
-        reasons = (
-            health.BAD_MODEL,
-            health.BAD_LOADING,
-            health.BAD_UPSTREAM,
-            health.LOADING_ADVICE,
-            health.PASSED_OVER,
-            health.LATE_FIT,
-            health.NOT_FITTED,
-        )
-        super().__init__(topic, (*reasons, health.WAVE_WORKER_DIED, health.SEVERAL_PREDICTORS))
+        super().__init__(topic, 'predictor')
         self._pipeline = pipeline
         self._model_arrival: float | None = None
         self._refusal = ''
@@ -34,7 +25,7 @@ class PredictorHealth(health.StreamHealth):
 
     def note_predictors(self, count: int) -> None:
         """Warn while several predictors publish the same forecasts."""
-        self.note_while(count > 1, health.SEVERAL_PREDICTORS)
+        self.note_while(count > 1, 'several-predictors')
 
     def note_forecast(self, age: float, stride: int) -> None:
         """A forecast is published, s after its sample came; of so many samples one is used."""
@@ -48,7 +39,7 @@ class PredictorHealth(health.StreamHealth):
 
     def note_refused_model(self, sentence: str) -> None:
         """A model cannot be used, for this reason; it is reported until a good one comes."""
-        self.note(health.BAD_MODEL)
+        self.note('bad-model')
         self._refusal = sentence
 
     def reports(self, now: float, now_ns: int) -> list[health.Report]:
@@ -58,7 +49,7 @@ class PredictorHealth(health.StreamHealth):
         refused = [f'{self._refusal}; the previous model stays'] if self._refusal else []
         compiling = [] if self.compiled_share is None else [f'compiling, {self.compiled_share:.0%} done']
         message = '; '.join([*compiling, *refused, *(advice.message for advice in state.advice)])
-        codes = tuple({advice.code for advice in state.advice} - EXPECTED) + (health.BAD_MODEL,) * len(refused)
+        codes = tuple({advice.code for advice in state.advice} - EXPECTED) + ('bad-model',) * len(refused)
         level, message = health.WARN if codes else health.OK, message or 'forecasting with the identified model'
         values: dict[str, object] = {
             **{f'has_model_{axis}': state.has_model[axis] for axis in AXES},
@@ -92,15 +83,6 @@ class PredictorHealth(health.StreamHealth):
 
 def installation_report(check: InstallationCheck) -> health.Report:
     """Whether the sensor is mounted as given; the check judges anew where that is due."""
-    contradictions = check.judge()
-    level, message = health.OK, check.described
-    if contradictions:
-        level, message = health.WARN, '; '.join(each.message for each in contradictions)
-    codes = tuple(dict.fromkeys(each.code for each in contradictions))
-    return health.Report(
-        'installation',
-        level,
-        message,
-        {'contradictions': ' '.join(codes) or 'none', 'judgements': check.judgements},
-        codes,
-    )
+    found = [health.Finding(health.WARN, each.code, each.message) for each in check.judge()]
+    values = {'contradictions': ' '.join(health.codes_of(found)) or 'none', 'judgements': check.judgements}
+    return health.Report.of('installation', found, check.described, values)

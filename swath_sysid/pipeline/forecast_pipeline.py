@@ -15,25 +15,24 @@ from swath_sysid.attitude.motion.stamps import (
     LONG_GAP,
     LOST,
     OUT_OF_ORDER,
-    STAMP_REASONS,
     STEPPED,
     StampSettings,
 )
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecast import Wanted
 from swath_sysid.attitude.prediction.forecaster import (
-    FORECASTER_REASONS,
     Forecaster,
     ForecasterDiagnostics,
     ForecasterSettings,
     ForecastStep,
 )
 from swath_sysid.attitude.prediction.sea_fit import SeaFit
+from swath_sysid.common.conditions import codes_in
 from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError
 
 #: Everything that is counted.
-PIPELINE_REASONS = (*STAMP_REASONS, LOST, *intake.INTAKE_REASONS, *FORECASTER_REASONS)
+PIPELINE_REASONS = codes_in('stamps', 'losses', 'intake', 'filters')
 
 
 @checked

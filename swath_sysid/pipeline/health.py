@@ -8,57 +8,18 @@ from dataclasses import dataclass, field
 from math import inf, isnan
 from typing import TYPE_CHECKING, NamedTuple
 
-from swath_sysid.attitude.motion.intake import (
-    FROZEN,
-    INTAKE_REASONS,
-    NANOSECOND,
-    NO_ORIENTATION,
-    NO_RATES,
-    UNKNOWN_COVARIANCE,
-)
-from swath_sysid.attitude.motion.stamps import LOST, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.stamps import NANOSECOND, StampSettings
 from swath_sysid.attitude.motion.window import MotionWindow
-from swath_sysid.common.advice import CURES
+from swath_sysid.common.conditions import CONDITIONS, GROUPS, LEVELS
 from swath_sysid.common.conventions import LOST_SHARE
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.identification.stability_watch import StabilityWatch
     from swath_sysid.common.judgement import Judged
 
-OK, WARN, ERROR, STALE = range(4)  #: Levels of diagnostic_msgs/DiagnosticStatus.
+OK, WARN, ERROR, STALE = range(len(LEVELS))
 
-SEVERAL_PUBLISHERS, SEVERAL_PREDICTORS = 'several-publishers', 'several-predictors'
-QOS_MISMATCH, OTHER_TYPE = 'qos-mismatch', 'other-message-type'
-SILENT = 'sensor-silent'
-BAD_MODEL = 'bad-model'
-BAD_LOADING = 'bad-loading'
-BAD_UPSTREAM = 'bad-upstream'
-LOADING_ADVICE = 'loading-advice'
-BAD_WINDOW = 'bad-window'
-BAD_MODEL_FILE = 'bad-model-file'
-PASSED_OVER = 'passed-over'
-BEHIND = 'behind'
-LATE_FIT = 'late-fit'
-NOT_FITTED = 'waves-not-fitted'
-IDENTIFICATION_WORKER_DIED = 'identification-worker-died'
-WAVE_WORKER_DIED = 'wave-worker-died'
-NOT_SAVED = 'model-not-saved'
-FRAME_CHANGED = 'frame-id-changed'
-
-NO_MESSAGE_YET, QUEUED = 'no-message-yet', 'messages-queued'
-#: States that are reported but not counted.
-CLOCKS_DIFFER, SHORT_OF_MEMORY, CLOCK_STANDS = 'clocks-differ', 'short-of-memory', 'clock-stands-still'
-NO_CLOCK = 'no-clock'
-
-HARMLESS = {NO_ORIENTATION, UNKNOWN_COVARIANCE, LATE_FIT}
-
-#: Warned of from the second report in a row: a machine stalls once while programs start, and a driver may repeat one.
-RECURRING = {PASSED_OVER, LOST, BEHIND, FROZEN}
-
-#: Of a message or of values in it; the share is reported.
-LOSSES = {*STAMP_REASONS[:3], *INTAKE_REASONS, BEHIND}
-
-LASTING = {NO_RATES}  #: Warned of when they begin; then reported while they last, without a warning.
+QOS_MISMATCH, OTHER_TYPE, SILENT, BEHIND = 'qos-mismatch', 'other-message-type', 'sensor-silent', 'behind'
 
 CALM_SINCE_WARNING = 30.0  #: s without a warning after which the log reports its end.
 
@@ -79,14 +40,21 @@ class Report:
     values: dict[str, object] = field(default_factory=dict)
     codes: tuple[str, ...] = ()  #: Of the conditions that the message warns of.
 
+    @classmethod
+    def of(cls, name: str, found: Sequence[Finding], well: str, values: dict[str, object]) -> Report:
+        """The worst level and the sentences of what was found, or that all is well."""
+        level = max((each.level for each in found), default=OK)
+        message = '; '.join(dict.fromkeys(each.sentence for each in found)) or well
+        return cls(name, level, message, values, codes_of(found))
+
     def status_of(self, node: str) -> tuple[int, str, str, dict[str, str]]:
         """Level, name, message and values of a DiagnosticStatus of a node, by its full name without first slash."""
         texts = {key: f'{value:.6g}' if isinstance(value, float) else str(value) for key, value in self.values.items()}
         return self.level, f'{node}: {self.name}', self.message, texts
 
 
-class Condition(NamedTuple):
-    """One of the conditions that a report warns of."""
+class Finding(NamedTuple):
+    """A condition that holds, as a report tells it."""
 
     level: int
     code: str
@@ -124,24 +92,29 @@ class Changes:
 
 
 class Reasons:
-    """Counts by reason, which of them still hold, and what to do about them."""
+    """Counts of the conditions of some groups, which of them still hold, and what to do about them."""
 
-    def __init__(self, reasons: Iterable[str], cures: Mapping[str, str] = CURES):
-        self._cures = cures
-        self.counts = dict.fromkeys(reasons, 0)
-        self._holding: dict[str, Condition] = {}
+    def __init__(self, *groups: str):
+        own = {code: row for group in groups for code, row in GROUPS[group].items()}
+        self._rows = CONDITIONS | own
+        self.counts = dict.fromkeys(own, 0)
+        self._holding: dict[str, Finding] = {}
         self._reported_counts = dict(self.counts)
-        self._lasting: list[str] = []
         self._grown: set[str] = set()  #: Reasons that grew before the last call of `fresh`.
         self.mismatched: set[str] = set()  #: Topics with an incompatible publisher or subscription.
         self.details: dict[str, str] = {}  #: What is reported of a reason that grows, in place of how often it did.
+
+    def found(self, code: str, seen: str = '', **values: object) -> Finding:
+        """A condition by what was ``seen``, or by the sentence of its row with its values, and with its cure."""
+        row = self._rows[code]
+        seen = seen or (row.sentence.format(**values) + ': ' * bool(row.sentence and row.cure))
+        return Finding(LEVELS.index(row.level), code, seen + row.cure)
 
     def note(self, reason: str, about: str | None = None, sentence: str = '') -> None:
         """Count one more of a reason; one ``about`` something holds until that is settled."""
         self.counts[reason] += 1
         if about is not None:
-            cure = self._cures[reason]
-            self._holding[about] = Condition(WARN, reason, f'{reason}: {f"{sentence}; " if sentence else ""}{cure}')
+            self._holding[about] = self.found(reason, f'{reason}: {f"{sentence}; " if sentence else ""}')
 
     def note_mismatch(self, topic: str) -> None:
         """Count a publisher or a subscription of a topic that does not connect."""
@@ -160,58 +133,50 @@ class Reasons:
         self._holding.pop(about, None)
 
     def fresh(self, counts: Mapping[str, int]) -> dict[str, int]:
-        """How much each count has grown since the last call; harmless, single and unchanged ones are left out."""
+        """How much each count that is to be warned of has grown since the last call."""
         before, self._reported_counts = self._reported_counts, dict(counts)
         grown = {reason: count - before.get(reason, 0) for reason, count in counts.items()}
         grown = {reason: growth for reason, growth in grown.items() if growth > 0}
-        if BEHIND in grown:
-            grown.pop(PASSED_OVER, None)  # which it explains
-        self._lasting = sorted(LASTING & grown.keys())
-        known = HARMLESS | {reason for reason in LASTING if before.get(reason, 0) > 0} | (RECURRING - self._grown)
-        self._grown = set(grown)
-        return {reason: growth for reason, growth in grown.items() if reason not in known}
+        grown = {reason: growth for reason, growth in grown.items() if self._rows[reason].unless not in grown}
+        grown_before, self._grown = self._grown, set(grown)
+        new = {reason for reason in grown if not before.get(reason, 0)}
+        warned = {'always': set(grown), 'recurring': grown_before, 'once': new, 'never': set()}
+        return {reason: growth for reason, growth in grown.items() if reason in warned[self._rows[reason].warns]}
 
-    def grown(self, fresh: Mapping[str, int], received: int = 0) -> list[Condition]:
+    def grown(self, fresh: Mapping[str, int], received: int = 0) -> list[Finding]:
         """The reasons that grew, the most frequent first: how often, of which share of the messages that were
         ``received`` meanwhile where that is large, and what to do about each.
         """
-        reasons = sorted(fresh, key=lambda each: -fresh[each])
-        where = {QOS_MISMATCH: f' on {", ".join(sorted(self.mismatched))}'} if self.mismatched else {}
-        often = {each: f'{number} times lately' for each, number in fresh.items()}
-        for each in LOSSES & fresh.keys():
-            if LOST_SHARE * received < fresh[each] <= received:
-                often[each] += f', {fresh[each] / received:.0%} of the messages'
-        often |= {each: detail for each, detail in self.details.items() if each in fresh}
-        return [
-            Condition(WARN, each, f'{each}{where.get(each, "")} ({often[each]}): {self._cures[each]}')
-            for each in reasons
-        ]
+        found = []
+        for each in sorted(fresh, key=lambda each: -fresh[each]):
+            where = f' on {", ".join(sorted(self.mismatched))}' if each == QOS_MISMATCH and self.mismatched else ''
+            often = f'{fresh[each]} times lately'
+            if self._rows[each].is_loss and LOST_SHARE * received < fresh[each] <= received:
+                often += f', {fresh[each] / received:.0%} of the messages'
+            found.append(self.found(each, f'{each}{where} ({self.details.get(each, often)}): '))
+        return found
 
     @property
     def lasting(self) -> str:
-        """What grew of `LASTING` until the last call of `fresh`, and what to do about it."""
-        return '; '.join(f'{reason}: {self._cures[reason]}' for reason in self._lasting)
+        """What lasts of what grew until the last call of `fresh`, and what to do about it."""
+        lasting = sorted(each for each in self._grown if self._rows[each].warns == 'once')
+        return '; '.join(f'{each}: {self._rows[each].cure}' for each in lasting)
 
     @property
-    def holding(self) -> list[Condition]:
+    def holding(self) -> list[Finding]:
         """What to do about all that still holds."""
         return list(self._holding.values())
 
 
-def worst_of(found: Sequence[Condition]) -> tuple[int, str]:
-    """The worst level of some conditions, and the sentences of all."""
-    return max(each.level for each in found), '; '.join(dict.fromkeys(each.sentence for each in found))
-
-
-def joined(found: Sequence[Condition], others: Iterable[Condition]) -> list[Condition]:
+def joined(found: Sequence[Finding], others: Iterable[Finding]) -> list[Finding]:
     """Some conditions and, of others, those that they do not tell already."""
     told = codes_of(found)
     return [*found, *(each for each in others if each.code not in told)]
 
 
-def codes_of(found: Iterable[Condition]) -> tuple[str, ...]:
-    """Their codes."""
-    return tuple(each.code for each in found)
+def codes_of(found: Iterable[Finding]) -> tuple[str, ...]:
+    """Their codes, each once."""
+    return tuple(dict.fromkeys(each.code for each in found))
 
 
 def is_unusual(silence: float, interval: float) -> bool:
@@ -241,10 +206,10 @@ class Arrivals:
 
 
 class StreamHealth(Reasons):
-    """How the messages of one topic arrive, counting further reasons beside those of every stream."""
+    """How the messages of one topic arrive, counting the reasons of further groups beside those of every stream."""
 
-    def __init__(self, topic: str, reasons: Iterable[str] = ()):
-        super().__init__((SEVERAL_PUBLISHERS, QOS_MISMATCH, OTHER_TYPE, SILENT, FRAME_CHANGED, BEHIND, *reasons))
+    def __init__(self, topic: str, *groups: str):
+        super().__init__('stream', *groups)
         self.topic = topic
         self._ages: deque[float] = deque(maxlen=REMEMBERED_AGES)
         self.received = 0
@@ -277,12 +242,12 @@ class StreamHealth(Reasons):
         """Count a change of frame."""
         if frame_id != self._frame_id:
             if self._frame_id is not None:
-                self.note(FRAME_CHANGED)
+                self.note('frame-id-changed')
             self._frame_id = frame_id
 
     def note_publishers(self, count: int, others: Iterable[str] = ()) -> None:
         """Count the appearance of a second publisher, and of one of other message types."""
-        self.note_while(count > 1, SEVERAL_PUBLISHERS)
+        self.note_while(count > 1, 'several-publishers')
         self.note_while(bool(others), OTHER_TYPE, f'{self.topic} is published as {", ".join(others)}')
 
     def report(
@@ -302,7 +267,6 @@ class StreamHealth(Reasons):
         counts = {**core_counts, **self.counts}
         is_stopped = now_ns == self._reported_ns and not self._since_report
         found = self._conditions(age, self.fresh(counts), now, now_ns)
-        level, message = worst_of(found) if found else (OK, self._well(age, is_stopped))
         period = None if self._reported_at is None else now - self._reported_at
         values: dict[str, object] = {
             'rate_hz': self._since_report / period if period else 0.0,
@@ -316,7 +280,7 @@ class StreamHealth(Reasons):
         self._reported_at, self._reported_ns = now, now_ns
         self._spent = self._longest = 0.0
         self._since_report = 0
-        return Report('imu', level, message, values, codes_of(found))
+        return Report.of('imu', found, self._well(age, is_stopped), values)
 
     def _note_silence(self, now: float, now_ns: int) -> None:
         """Add the time passed by both clocks: none while that of the stamps stands still after it has gone on."""
@@ -327,32 +291,26 @@ class StreamHealth(Reasons):
         elif before is not None:
             self._silence += min(now - before, by_stamps)
 
-    def _conditions(self, age: float | None, fresh: Mapping[str, int], now: float, now_ns: int) -> list[Condition]:
+    def _conditions(self, age: float | None, fresh: Mapping[str, int], now: float, now_ns: int) -> list[Finding]:
         """All that there is to warn of, the worst first."""
         found = []
         if age is None and self._silence > DISCOVERY:
-            sentence = f'no message on {self.topic} yet'
+            cause = self._holding.get(OTHER_TYPE) or self.found('no-message-yet')
             if self.topic in self.mismatched:
-                found.append(Condition(ERROR, QOS_MISMATCH, f'{sentence}: {CURES[QOS_MISMATCH]}'))
-            elif OTHER_TYPE in self._holding:
-                found.append(Condition(ERROR, OTHER_TYPE, f'{sentence}: {self._holding[OTHER_TYPE].sentence}'))
-            else:
-                found.append(Condition(ERROR, NO_MESSAGE_YET, f'{sentence}: {CURES[NO_MESSAGE_YET]}'))
+                cause = self.found(QOS_MISMATCH)
+            found.append(cause._replace(level=ERROR, sentence=f'no message on {self.topic} yet: {cause.sentence}'))
         if SILENT in self._holding:
-            found.append(
-                Condition(ERROR, SILENT, f'no message on {self.topic} for {self._silence:.1f} s: {CURES[SILENT]}')
-            )
+            found.append(self.found(SILENT, topic=self.topic, silence=self._silence))
         if not now_ns and now - (self._begun or 0.0) > DISCOVERY:
-            found.append(Condition(WARN, NO_CLOCK, CURES[NO_CLOCK]))
+            found.append(self.found('no-clock'))
         found = joined(joined(found, self.holding), self.grown(fresh, self._since_report))
         if age is not None and now_ns:
             late = age - min(self._ages)
             if late > LARGEST_STAMP_AGE:
-                found.append(Condition(WARN, QUEUED, f'messages arrive {late:.1f} s late: {CURES[QUEUED]}'))
+                found.append(self.found('messages-queued', late=late))
             elif abs(age) > LARGEST_STAMP_AGE:
                 side = 'behind' if age > 0.0 else 'ahead of'
-                sentence = f'stamps are {abs(age):.1f} s {side} the clock of this machine: {CURES[CLOCKS_DIFFER]}'
-                found.append(Condition(WARN, CLOCKS_DIFFER, sentence))
+                found.append(self.found('clocks-differ', age=abs(age), side=side))
         return found
 
     def _well(self, age: float | None, clock_is_stopped: bool) -> str:
@@ -360,7 +318,7 @@ class StreamHealth(Reasons):
         if age is None:
             return f'waiting for the first message on {self.topic}'
         if clock_is_stopped:
-            return f'no message on {self.topic} while the clock stands still: {CURES[CLOCK_STANDS]}'
+            return self.found('clock-stands-still', topic=self.topic).sentence
         return f'receiving {self.topic}' + (f'; {self.lasting}' if self.lasting else '')
 
 
@@ -377,7 +335,7 @@ class BufferHealth(StreamHealth):
         window = self._window
         level, message = OK, window.described
         if window.is_short_of_memory:
-            level, message = WARN, f'{message}: {CURES[SHORT_OF_MEMORY]}'
+            level, _, message = self.found('short-of-memory', window=message)
         values: dict[str, object] = {
             'samples': window.size,
             'duration_s': window.duration,
@@ -394,7 +352,7 @@ class IdentifierHealth(Reasons):
     """The state of identification."""
 
     def __init__(self) -> None:
-        super().__init__((BAD_WINDOW, IDENTIFICATION_WORKER_DIED, NOT_SAVED, BAD_MODEL_FILE, QOS_MISMATCH))
+        super().__init__('identifier')
         self.progress = 0.0
         self.refits = self.published = 0
         self.last = 'none yet'
@@ -416,7 +374,6 @@ class IdentifierHealth(Reasons):
         """The report now, and start a new period; ``steps_back``: how many models `rollback` can return to."""
         found = joined(self.holding, self.grown(self.fresh(self.counts)))
         doing = f'identifying, {100.0 * self.progress:.0f} % done' if is_busy else f'ready; last: {self.last}'
-        level, message = worst_of(found) if found else (OK, doing)
         values: dict[str, object] = {
             'state': 'identifying' if is_busy else 'ready',
             'progress': self.progress,
@@ -429,7 +386,7 @@ class IdentifierHealth(Reasons):
             'slower_because': self.slower_because,
             **self.counts,
         }
-        return Report('identification', level, message, values, codes_of(found))
+        return Report.of('identification', found, doing, values)
 
 
 def verdict_values(models: Mapping[str, Judged | None]) -> dict[str, object]:
@@ -447,21 +404,15 @@ def stability_report(watch: StabilityWatch) -> Report:
     found = watch.newest
     if found is None:
         return Report('stability', OK, 'too few estimates of the natural period yet', {'estimates': watch.count})
-    level, message = OK, 'the natural period of roll has not changed'
-    if found.advice:
-        level, message = WARN, '; '.join(advice.message for advice in found.advice)
-    return Report(
-        'stability',
-        level,
-        message,
-        {
-            'relative_gm': found.relative,
-            'relative_gm_low': found.interval[0],
-            'relative_gm_high': found.interval[1],
-            'gm_m': 'not known' if isnan(found.height) else found.height,
-            'period_before_s': found.period_before,
-            'period_s': found.period,
-            'changed_at_s': 'no change beyond chance' if found.changed_at is None else f'{found.changed_at:.1f}',
-            'estimates': watch.count,
-        },
-    )
+    values: dict[str, object] = {
+        'relative_gm': found.relative,
+        'relative_gm_low': found.interval[0],
+        'relative_gm_high': found.interval[1],
+        'gm_m': 'not known' if isnan(found.height) else found.height,
+        'period_before_s': found.period_before,
+        'period_s': found.period,
+        'changed_at_s': 'no change beyond chance' if found.changed_at is None else f'{found.changed_at:.1f}',
+        'estimates': watch.count,
+    }
+    advice = '; '.join(each.message for each in found.advice)
+    return Report('stability', WARN if advice else OK, advice or 'the natural period of roll has not changed', values)

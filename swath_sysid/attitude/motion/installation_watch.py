@@ -10,7 +10,7 @@ from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.intake import FROZEN, NANOSECOND, ConvertedReading, CraftSample
 from swath_sysid.attitude.motion.sensor_checks import GRAVITY_CODES, PARTS, RATE_CODES, Contradiction, Judgement
 from swath_sysid.attitude.motion.window import WindowSettings
-from swath_sysid.common.advice import CURES
+from swath_sysid.common.conditions import CONDITIONS
 from swath_sysid.common.row_buffer import RowBuffer
 
 CONFIRMATIONS = 2  #: Successive judgements that must agree on a contradiction, or on its end.
@@ -34,7 +34,7 @@ class InstallationCheck:
     def add(self, converted: ConvertedReading) -> None:
         """Add one message, as the intake has converted it."""
         sample, reasons = converted
-        self._repeated = (Contradiction(FROZEN, CURES[FROZEN]),) if FROZEN in reasons else ()
+        self._repeated = (Contradiction(FROZEN, CONDITIONS[FROZEN].cure),) if FROZEN in reasons else ()
         if sample is None:
             return
         stamp_ns = sample.stamp_ns

@@ -11,6 +11,7 @@ from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.cleaning import limit_of
 from swath_sysid.attitude.motion.sensor_checks import BlankOrientation, RepeatedMessages
 from swath_sysid.attitude.motion.stamps import BURSTS, NANOSECOND, Bursts, StampOrder, StampSettings
+from swath_sysid.common.conditions import codes_in
 
 NOT_FINITE = 'not-finite'
 ABSURD = 'absurd-value'
@@ -23,18 +24,7 @@ NEAR_VERTICAL = 'near-vertical'
 BLANK_ORIENTATION = 'blank-orientation'
 EMPTY = 'nothing-usable'
 FROZEN = 'sensor-frozen'
-_PARTS = (
-    NOT_FINITE,
-    ABSURD,
-    BAD_QUATERNION,
-    NO_ORIENTATION,
-    NO_RATES,
-    UNKNOWN_COVARIANCE,
-    ABSURD_COVARIANCE,
-    BLANK_ORIENTATION,
-)
-#: Everything that is counted; only the last three leave the whole sample out.
-INTAKE_REASONS = (*_PARTS, NEAR_VERTICAL, EMPTY, FROZEN)
+INTAKE_REASONS = codes_in('intake')  #: Everything that is counted.
 
 NOT_MEASURED = -1.0  #: First element of a covariance whose quantity the sensor does not measure (sensor_msgs/Imu).
 

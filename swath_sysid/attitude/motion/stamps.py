@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conditions import codes_in
 from swath_sysid.common.errors import InputError
 
 DUPLICATE = 'duplicate-stamp'
@@ -19,8 +20,7 @@ GAP, LOST = 'gap', 'lost-sample'
 LONG_GAP = 'gap-too-long'
 RATE_CHANGED = 'rate-changed'
 BURSTS = 'bursts'
-#: The reasons that an order gives; the first three leave the sample out. What was lost is found by a sensor's clock.
-STAMP_REASONS = (DUPLICATE, OUT_OF_ORDER, STRAY, JUMPED_BACK, STEPPED, GAP, LONG_GAP, RATE_CHANGED, BURSTS)
+STAMP_REASONS = codes_in('stamps')  #: What an order gives. What was lost is found by a sensor's clock.
 
 NANOSECOND = 1e-9  #: s.
 GAP_INTERVALS = 2.5

@@ -10,18 +10,19 @@ import numpy as np
 
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.decay_candidates import HALF_CYCLES_FOR_REST, HOLD_BAND, REST_BAND
-from swath_sysid.attitude.motion.intake import INTAKE_REASONS, ConvertedReading, ImuReading, Intake
+from swath_sysid.attitude.motion.intake import ConvertedReading, ImuReading, Intake
 from swath_sysid.attitude.motion.quality import MAX_GAP, MIN_CYCLES
 from swath_sysid.attitude.motion.segmentation import DecaySegment, find_decays, is_finished
-from swath_sysid.attitude.motion.stamps import BURSTS, JUMPED_BACK, NANOSECOND, STAMP_REASONS, StampSettings
+from swath_sysid.attitude.motion.stamps import BURSTS, JUMPED_BACK, NANOSECOND, StampSettings
 from swath_sysid.attitude.motion.trial import AXES, CHANNELS, AxisMotion, Trial
+from swath_sysid.common.conditions import codes_in
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 from swath_sysid.common.signals import bin_means
 
 COLUMNS = ('t', *CHANNELS)  #: Columns of a window: the stamp, s, and the channels of a trial.
 
-WINDOW_REASONS = (*STAMP_REASONS, *INTAKE_REASONS)
+WINDOW_REASONS = codes_in('stamps', 'intake')
 
 LOOK_INTERVAL = 1.0  #: s from one look for a decay that has ended to the next,
 CALM = 0.35  #: ... while the motion of the last two of them stays within this part of all motion in the window.

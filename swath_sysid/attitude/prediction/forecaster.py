@@ -45,10 +45,6 @@ from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 
-REJECTED = {axis: f'outlier-{axis}' for axis in AXES}
-RESTARTED = {axis: f'gate-restarted-{axis}' for axis in AXES}
-FORECASTER_REASONS = (*REJECTED.values(), *RESTARTED.values())
-
 #: Of a sample: angle, rate, and the variances of their noise.
 _OF_AXIS = {
     axis: itemgetter(*(CraftSample._fields.index(axis + part) for part in ('', '_rate', '_variance', '_rate_variance')))
@@ -314,9 +310,9 @@ class Forecaster:
                 axis.reach.add(sample.stamp, angle)
             rejected, restarted = axis.follow(angle, rate, reported, elapsed, linked, even)
             if rejected:
-                reasons += (REJECTED[name],)
+                reasons += (f'outlier-{name}',)
             elif restarted:
-                reasons += (RESTARTED[name],)
+                reasons += (f'gate-restarted-{name}',)
         return reasons
 
     # -- rows

@@ -11,37 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conditions import codes_in
 from swath_sysid.common.conventions import ADEQUATE
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, Region
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.prediction.filter_settings import MEASURABLE, ManoeuvreFilterSettings
-from swath_sysid.pipeline.health import (
-    BAD_MODEL,
-    ERROR,
-    OK,
-    SILENT,
-    WARN,
-    Condition,
-    Reasons,
-    Report,
-    codes_of,
-    verdict_values,
-    worst_of,
-)
+from swath_sysid.pipeline.health import Reasons, Report, verdict_values
 
-LATE, JUMPED_BACK, LONG_GAP = 'late', 'jumped-back', 'long-gap'
-NOT_FINITE, OUTLIER, FOLLOWED, NO_THRUST = 'not-finite', 'outlier', 'sensor-followed', 'no-thrust'
-#: What is counted, and what to do about it.
-REASONS = {
-    LATE: 'messages older than the filter were dropped: check the transport, or look for a second publisher',
-    JUMPED_BACK: 'the clock was set back (a bag that looped?): the filter restarted',
-    LONG_GAP: 'odometry returned after a long gap: the filter restarted',
-    NOT_FINITE: 'messages with NaN or infinite values were dropped: check the driver',
-    OUTLIER: 'values that contradict the forecast were rejected: look for GPS jumps',
-    FOLLOWED: 'a sensor contradicted the filter, which now follows it: check the sensor; if it repeats, identify again',
-    NO_THRUST: 'no thrust command for long, so the thrust counts as zero: check the thruster topics, or stop_after_s',
-}
+LATE, NOT_FINITE = 'late', 'not-finite'
 
 
 @dataclass(frozen=True)
@@ -120,7 +98,7 @@ class ManoeuvreOutlook:
 
     def __init__(self, settings: ManoeuvreOutlookSettings, identified: IdentifiedManoeuvringModel | None = None):
         self.settings = settings
-        self.counts = dict.fromkeys(REASONS, 0)
+        self.counts = dict.fromkeys(codes_in('manoeuvring'), 0)
         self.identified: IdentifiedManoeuvringModel | None = None
         self._sides: dict[str, float] = {}
         self._forecast_at = -math.inf
@@ -185,11 +163,11 @@ class ManoeuvreOutlook:
             return OutlookStep()
         filter_ = self._filter
         if filter_.is_started and reading.stamp < filter_.stamp - self.settings.backward_jump:
-            self.counts[JUMPED_BACK] += 1
+            self.counts['jumped-back'] += 1
             filter_.thrust.forget()
             filter_.stamp = math.nan
         elif filter_.is_started and reading.stamp > filter_.stamp + self.settings.gap_limit:
-            self.counts[LONG_GAP] += 1
+            self.counts['long-gap'] += 1
             filter_.stamp = math.nan
         if filter_.thrust.last[0] > reading.stamp + 2.0 * self.settings.backward_jump:
             # stamped by another clock than the odometry, before that was known: it holds from now on
@@ -215,7 +193,7 @@ class ManoeuvreOutlook:
         limit = self.settings.stop_after
         if limit > 0.0 and stamp - last > limit and any(inputs) and math.isfinite(last):
             self._filter.thrust.command(last + limit, 0.0, 0.0)
-            self.counts[NO_THRUST] += not self._silent
+            self.counts['no-thrust'] += not self._silent
             self._silent = True
 
     def _forecast(self):
@@ -243,7 +221,7 @@ class ManoeuvringHealth(Reasons):
     """How odometry becomes forecasts."""
 
     def __init__(self, topic: str, pipeline: ManoeuvreOutlook):
-        super().__init__(pipeline.counts, REASONS)
+        super().__init__('manoeuvring', 'manoeuvring states')
         self._topic = topic
         self._pipeline = pipeline
         self._received = self._bad_models = 0
@@ -269,17 +247,13 @@ class ManoeuvringHealth(Reasons):
         found = self.grown(self.fresh(self._pipeline.counts))
         model = self._pipeline.identified
         if self._arrival is None or now - self._arrival > self._pipeline.settings.gap_limit:
-            sentence = f'no odometry on {self._topic}: check that it is published there, or remap the topic'
-            found.insert(0, Condition(ERROR, SILENT, sentence))
+            found.insert(0, self.found('sensor-silent', topic=self._topic))
         if self._refusal:
-            found.append(Condition(WARN, BAD_MODEL, f'{self._refusal}; the previous model stays'))
+            found.append(self.found('bad-model', refusal=self._refusal))
         elif not self._pipeline.has_model:
-            sentence = 'no model yet, steady motion is assumed: give model_file, or publish one on manoeuvring/model'
-            found.append(Condition(WARN, 'no-model', sentence))
+            found.append(self.found('no-model'))
         elif model is not None and model.verdict not in ('', ADEQUATE):
-            sentence = f'the model is {model.verdict}: {model.verdict_sentence}'
-            found.append(Condition(WARN, 'model-doubtful', sentence))
-        level, text = worst_of(found) if found else (OK, 'forecasting with the identified model')
+            found.append(self.found('model-doubtful', verdict=model.verdict, verdict_sentence=model.verdict_sentence))
         values: dict[str, object] = {
             'received': self._received,
             'bad_models': self._bad_models,
@@ -287,4 +261,4 @@ class ManoeuvringHealth(Reasons):
             **verdict_values({'manoeuvring': model}),
             **self._pipeline.counts,
         }
-        return [Report('manoeuvre', level, text, values, codes_of(found))]
+        return [Report.of('manoeuvre', found, 'forecasting with the identified model', values)]
