@@ -148,6 +148,7 @@ def conditions_table():
         for code, each in conditions.items():
             text = in_words(': '.join(filter(None, (each.sentence, each.cure))))
             warned = 'while it holds' if group.endswith('states') else WARNED[each.warns]
+            warned += f', not while `{each.unless}` grows' if each.unless else ''
             rows.append(f'| `{code}` | {each.level} | {text} | {warned} |')
     head = ['| code | level | what it means, and what to do | warned of |', '|---|---|---|---|']
     return '\n'.join([*head, *sorted(set(rows))]) + '\n'
