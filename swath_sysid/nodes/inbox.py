@@ -42,9 +42,9 @@ class Inbox(deque[Arrival]):
 class PacedInbox(Inbox):
     """An inbox that leaves out messages, evenly, while they come faster than they can be handled."""
 
-    def __init__(self, node: Node, depth: int, health: StreamHealth) -> None:
+    def __init__(self, node: Node, depth: int, health: StreamHealth, uses_all: bool = False) -> None:
         super().__init__(node, depth, health)
-        self.pace = Pace()
+        self.pace, self._uses_all = Pace(), uses_all
 
     @property
     def oldest_ns(self) -> int:
@@ -53,8 +53,11 @@ class PacedInbox(Inbox):
 
     def take(self) -> tuple[Arrival, bool, bool]:
         """The oldest message, whether to use it, and whether much newer ones wait behind it."""
-        is_used, age_ns = self.pace.is_used(len(self)), -self.oldest_ns
+        if self._uses_all:
+            return self.popleft(), True, False
+        is_used, begin_ns = self.pace.is_used(len(self)), self.oldest_ns
         arrival = self.popleft()
+        if not is_used:
+            self._health.note_left_out()
         newest = self[self.pace.left - 1] if self.pace.left else arrival
-        age_ns += stamp_ns(newest.message.header.stamp)
-        return arrival, is_used, age_ns > PASSED_OVER_NS
+        return arrival, is_used, stamp_ns(newest.message.header.stamp) - begin_ns > PASSED_OVER_NS

@@ -10,7 +10,7 @@ from swath_sysid.attitude.hull.identified_model import models_at
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.prediction.forecast import nothing
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.messages import imu_reading
+from swath_sysid.formats.messages import imu_reading, stamp_ns
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC, NEXT_TOPIC
 from swath_sysid.nodes import qos
@@ -37,12 +37,12 @@ class Predictor(Node):
     def __init__(self) -> None:
         super().__init__('predictor')
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
-        self._is_in_step, depth = self.parameters['in_step'], self.parameters['queue_depth']
+        in_step, depth = self.parameters['in_step'], self.parameters['queue_depth']
         self.upstream = Upstream(self, self.parameters['upstream'], depth)
         self.pipeline = ForecastPipeline(self.upstream.settings(self.parameters.settings))
         self.health = PredictorHealth(self.resolve_topic_name(qos.IMU_TOPIC), self.pipeline)
         self._kernels = KernelLoading(warm_up, self, self.health)
-        self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), self._is_in_step)
+        self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), in_step)
         self._messages, self._publisher_of, self._wanted = forecast_publishers(self, self.parameters, self.health)
         self._described: tuple[dict, dict] = {}, {}
         self._published_loading: float | None = None
@@ -55,7 +55,7 @@ class Predictor(Node):
         )
         qos.watched_subscription(self, Float64, 'craft/loading', self._on_loading, qos.NEWEST, self.health)
         self.upstream.listen(self.pipeline, self.health)
-        self.inbox = PacedInbox(self, depth, self.health)
+        self.inbox = PacedInbox(self, depth, self.health, in_step)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
     def destroy_node(self) -> None:
@@ -80,12 +80,9 @@ class Predictor(Node):
         while self.inbox and (begun := perf_counter()) < until:
             if self.sea.is_fitting and not self.sea.hands_over(self.inbox.oldest_ns, until - begun):
                 return
-            oldest_ns = self.inbox.oldest_ns
-            in_step = self._is_in_step and (self.inbox.popleft(), True, False)
-            (message, arrival, clock_ns), is_used, is_passed_over = in_step or self.inbox.take()
+            (message, arrival, clock_ns), is_used, is_passed_over = self.inbox.take()
             if not is_used:
-                self.pipeline.leave_out(oldest_ns, arrival)
-                self.health.note_left_out()
+                self.pipeline.leave_out(stamp_ns(message.header.stamp), arrival)
                 continue
             reading = imu_reading(message)
             self._add(reading, arrival, is_passed_over)
