@@ -198,9 +198,10 @@ def test_while_it_identifies_it_answers_and_forecasts_and_can_be_cancelled(ident
 def test_a_worker_that_dies_is_reported_and_the_next_identification_works(identified):
     bench = identified.bench
     assert bench.set_parameters('identifier', population=20000, generations=100000) == []
-    before = set(children(identified.process.pid))
     running_one = bench.call_async('identifier/identify')
     wait_for(lambda: bench.statuses['identifier: identification'][2]['state'] == 'identifying', 'work')
+    wait_for(lambda: len(children(identified.process.pid)) == 2, 'both workers')
+    before = set(children(identified.process.pid))
     for pid in before:
         os.kill(pid, signal.SIGKILL)
     answer = bench.wait_for_answer(running_one, 'identify')

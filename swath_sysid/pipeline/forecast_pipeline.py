@@ -82,7 +82,7 @@ class ForecastPipeline:
         self.intake = intake.Intake(self.settings.installation, self.settings.stamps)
         self.models: dict[str, IdentifiedModel | None] = dict.fromkeys(AXES)  #: By axis.
         self._first_ns: int | None = None
-        self._since_used = 0
+        self._since_used = self._left_out = 0
         self.newest_ns = 0  #: Stamp of the newest message; 0 before any.
 
     @checked
@@ -146,10 +146,10 @@ class ForecastPipeline:
             self.used += 1
             # seconds since the epoch would resolve 0.2 us only
             stamp = (stamp_ns - self._first_ns) * intake.NANOSECOND
-            step = self.forecaster.observe(sample, stamp, elapsed, self._since_used)
+            step = self.forecaster.observe(sample, stamp, elapsed, self._since_used, self._left_out)
             # those that were left out have come after all
             step = step._replace(lost=max(step.lost - self._since_used + 1, min(step.lost, 0)))
-            self._since_used = 0
+            self._since_used = self._left_out = 0
             if STEPPED in step.reasons:
                 reasons = tuple(each for each in reasons if each not in (JUMPED_BACK, STEPPED, GAP, LONG_GAP))
         if reasons:
@@ -164,6 +164,7 @@ class ForecastPipeline:
         """A message has come that is not used, for want of time: it is not lost, and the sensor's rate is as before."""
         self.intake.leave_out(stamp_ns, arrival)
         self._since_used += 1
+        self._left_out += 1
 
     def _begin_again(self) -> None:
         """Forget what was learnt from stamps that were no times of samples."""

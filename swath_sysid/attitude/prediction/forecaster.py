@@ -203,12 +203,14 @@ class Forecaster:
         """
         self._upstream.take(name, stamp, value)
 
-    def observe(self, sample: CraftSample, stamp: float, elapsed: float | None, count: int = 1) -> ForecastStep:
+    def observe(
+        self, sample: CraftSample, stamp: float, elapsed: float | None, count: int = 1, left_out: int = 0
+    ) -> ForecastStep:
         """Take one sample, NaN where not measured, stamped in s, ``elapsed`` s after the one before.
 
         ``elapsed`` is None at the first sample and after the clock was set back; ``count`` messages have come since the
-        one before. The step holds what is known at once, the forecast one sample ahead; `issue` must complete it before
-        the next sample.
+        one before, of which ``left_out`` were not wanted. The step holds what is known at once, the forecast one sample
+        ahead; `issue` must complete it before the next sample.
         """
         since = elapsed if self._is_linked and elapsed is not None else math.inf
         usual = count * self._clock.interval
@@ -219,7 +221,7 @@ class Forecaster:
         linked = since <= MEMORY_OF_SIZE * self._scale.period
         self._stamp, self._sampled = stamp, Sampled(0.0, 1)
         if linked:
-            self._sampled = self._clock.sensor.follow(since, count)
+            self._sampled = self._clock.sensor.follow(since, 1 + left_out)
             self._time += self._sampled.elapsed
             self._lay_out()
         else:

@@ -81,7 +81,7 @@ class SampleClock:
         self._behind = self._told = 0.0
 
     def follow(self, elapsed: float, count: int = 1) -> Sampled:
-        """Take the time, s, between the stamps of a sample and of the one before; so many have come since, with it."""
+        """Take the time, s, between the stamps of a sample and of the one before; of ``count`` it is the one used."""
         self._newest.append(elapsed / count)
         self.count = min(self.count + 1, 1000)
         if self.count <= _INTERVALS:
