@@ -51,6 +51,7 @@ NOT_RUN = {
     'docs/howto/page.md': {
         'pip install': 'installs, and needs a browser: test_page_live.py drives the page where both are',
         'swath-sysid page --host': 'opens the machine to its network',
+        'swath-sysid page --port 8484 --origin': 'needs nginx: test_page_hostile.py asks as it does',
     },
     'docs/howto/papers.md': {'swath-sysid paper': 'takes a minute: test_papers.py runs its parts'},
     'docs/howto/reading_the_report.md': {
