@@ -146,7 +146,7 @@ def watched_beside(command: list[str]) -> Iterator[None]:
                 while page.poll() is None:
                     if stopping.wait(LOOK_S):
                         return
-            # where it could not use what it was given, it has said so
+            # exit code 2: the page has printed why it cannot start
             if page.returncode == NOTHING_DONE:
                 return
             said = f'swath-sysid run: the page has ended with code {page.returncode}, the nodes go on: {what_next}'

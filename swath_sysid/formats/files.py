@@ -33,7 +33,7 @@ def reading(path: str | Path) -> Iterator[None]:
 
 
 def as_utf_8(text: str) -> str:
-    """A text with the name of a file, of which the bytes that are no UTF-8 are written as ``\\xe9``."""
+    """A text that may hold a file name; bytes that are not valid UTF-8 are written as ``\\xe9``."""
     return re.sub('[\udc80-\udcff]', lambda found: f'\\x{ord(found[0]) - 0xDC00:02x}', text)
 
 
