@@ -20,19 +20,23 @@ unexport LD_LIBRARY_PATH
 endif
 unexport AMENT_PREFIX_PATH PYTHONPATH PYTHONHOME RMW_IMPLEMENTATION VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: demo test test-long lint kernels bench clean
+.PHONY: demo test test-long test-release lint kernels bench clean
 
 demo: $(READY)
 	$(BIN)/swath-sysid demo --output out/
 
 test: $(TESTS_READY)
 	@$(MAKE) --no-print-directory --jobs 2 lint kernels
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m 'not long'
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m 'not long and not release'
 
 # the longest files first: begun last, they would be waited for
 test-long: $(TESTS_READY)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m long test/test_docs_*.py test/test_wings.py \
 	  $$(grep -rl --include='test_*.py' mark.long test | sort)
+
+# what is measured over many draws: half an hour, before a release
+test-release: $(TESTS_READY)
+	$(BIN)/python -m pytest -n $(JOBS) --dist load --durations 30 -m release
 
 lint: $(TESTS_READY)
 	$(BIN)/ruff format --check

@@ -59,7 +59,7 @@ def rows_of(table):
     return {tuple(cells[:3]): cells[3:] for cells in lines[1:]}
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_the_table_of_the_ship_is_what_the_code_gives(records, data_folder):
     """Anew, to a unit of the last digit that is printed; other rows may come from libraries that are not here."""
     case = records.CASES['ship']
@@ -163,7 +163,7 @@ def test_the_oracle_is_an_extended_kalman_filter_on_hull_and_autoregression(sea_
     assert sea_forecasts.oracle(sea, leads) == pytest.approx(np.array(told), abs=1e-8)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_forecasts_in_a_sea_come_near_those_of_the_filter_that_knows_everything(sea_forecasts):
     sea, nrmse, coverage = sea_forecasts.compare(2, 200.0, 100.0, (0.5, 2.0, 5.0))
     ours, best = nrmse['10 Hz'], nrmse['oracle']

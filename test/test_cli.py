@@ -89,6 +89,7 @@ def test_identify_writes_model_and_picture_and_says_the_published_form(trial_fil
     assert 'true ratios b1' in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_identify_fits_every_release_of_a_record_and_names_the_decays_of_the_other_axis(tmp_path, capsys):
     parts = [
         simulated_trial(hull_named(name).model, angle, 15.0, 25.0, hold=3.0, seed=seed)
@@ -261,9 +262,8 @@ def test_a_verb_ends_in_its_conclusion_which_quiet_leaves_and_reads_standard_inp
     assert first.startswith('roll: ') and 'of the error of' in first and last.startswith('valid lead')
 
 
-@pytest.mark.parametrize(
-    ('limit', 'why'), [(1e-6, 'never kept'), pytest.param(90.0, 'never left', marks=pytest.mark.long)]
-)
+@pytest.mark.release
+@pytest.mark.parametrize(('limit', 'why'), [(1e-6, 'never kept'), (90.0, 'never left')])
 def test_a_calm_that_never_changes_is_not_scored(limit, why, capsys):
     record = str(share_folder() / 'records' / 'kvlcc2_roll_decay.csv')
     assert main(['forecast', record, '--leads', '0.5', '--axis', 'roll', '--quiet-deg', f'{limit},{limit}']) == 0

@@ -279,6 +279,7 @@ def test_output_that_cannot_be_written_is_one_sentence_whatever_the_verb(kind, w
         assert main(['inspect', str(tmp_path / 'none.csv')]) == 1
 
 
+@pytest.mark.long
 def test_figures_are_drawn_whatever_backend_the_environment_names(tmp_path):
     (tmp_path / 'matplotlibrc').write_text('backend: none_such\n')
     record = share_folder() / 'records' / 'kvlcc2_roll_decay.csv'
@@ -293,6 +294,7 @@ def test_figures_are_drawn_whatever_backend_the_environment_names(tmp_path):
     assert (tmp_path / 'decay.png').stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_a_name_of_any_bytes_is_drawn_printed_and_stored_as_it_is(tmp_path):
     (tmp_path / 'matplotlibrc').write_text('text.usetex: True\nfont.family: NoSuchFont\n')
     name = b'd\xe9cay b$x_$%s [red]<b>&[|x].csv'

@@ -27,7 +27,7 @@ def voyage(path_to_examples):
     return shared.sail(shared.simulated_craft(420.0), 240.0)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_more_landings_succeed_by_the_forecast(voyage):
     landing = importlib.import_module('landing')
     shares = landing.land(voyage)
@@ -71,7 +71,7 @@ def test_a_gangway_is_stiller_and_a_winch_gains_with_the_forecast(voyage):
     assert rms['forecast'] < 0.7 * rms['persistence'] < rms['(not at all)']
 
 
-@pytest.mark.long
+@pytest.mark.release
 @pytest.mark.dds
 def test_landings_are_decided_by_what_the_running_node_publishes(tmp_path, monkeypatch):
     """That the node publishes what play-through computes is shown by test_nodes_replay.py."""

@@ -185,6 +185,7 @@ def outcome(path, dialect):
     return 'read'
 
 
+@pytest.mark.long
 def test_no_dialect_is_read_wrong_and_most_are_read(tmp_path):
     outcomes = Counter()
 

@@ -228,6 +228,7 @@ def test_dates_and_units_in_a_row_of_their_own(tmp_path):
     assert trial.time == pytest.approx(TIME, abs=1e-6) and np.degrees(trial.roll) == pytest.approx(ROLL)
 
 
+@pytest.mark.long
 def test_assigned_columns_on_the_command_line(tmp_path, capsys):
     path = tmp_path / 'a.mat'
     savemat(path, {'t': TIME, 'Phi': ROLL, 'data': np.column_stack([TIME, ROLL, ROLL / 2]), 'roll_deg': 0 * ROLL})

@@ -78,6 +78,7 @@ def test_a_column_that_is_not_there_is_one_sentence_and_exit_code_2(table, capsy
         assert said.partition(';')[0].replace('\\', '') in ' '.join(capsys.readouterr().err.split())
 
 
+@pytest.mark.long
 def test_the_forecast_of_a_record_uses_the_column(table, capsys):
     found = []
     for flags in ([], ['--upstream', 'Bow sonar [m]']):
@@ -86,6 +87,7 @@ def test_the_forecast_of_a_record_uses_the_column(table, capsys):
     assert found[0] != found[1]
 
 
+@pytest.mark.long
 def test_topics_are_read_by_header_stamps_or_by_arrival(bag, tmp_path, capsys):
     found = read_upstream(bag, ['/wave', 'leader/imu'], topic='/imu/data')
     assert list(found) == ['/wave', *(f'leader/imu:{each}' for each in ('roll', 'pitch', 'vertical_acceleration'))]

@@ -95,7 +95,7 @@ def test_derivatives_of_a_motion_are_exact(missing):
     assert sea.peak == pytest.approx(1.7, rel=0.02)
 
 
-@pytest.mark.long
+@pytest.mark.release
 @pytest.mark.parametrize(
     'peak_ratio, by_slope, seed',
     [(0.7, False, 1), (1.5, True, 2)],
@@ -111,6 +111,7 @@ def test_a_sea_that_hides_the_published_roll_hull_is_said_to(peak_ratio, by_slop
     assert found.sea == 'jonswap' and not found.is_usable and 'sea-hides-hull' in {a.code for a in found.advice}
 
 
+@pytest.mark.long
 def test_what_is_told_of_a_linear_hull(found):
     assert found.natural_period == pytest.approx(LINEAR.natural_period, rel=0.02)
     assert found.damping_ratio == pytest.approx(0.1, rel=0.25)
@@ -128,6 +129,7 @@ def test_what_is_told_of_a_linear_hull(found):
     assert back.amplitude_range == (pytest.approx(found.amplitude),) * 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('faster, larger', [(10.0, -1.0), (0.2, 0.01)])
 def test_units_of_time_and_angle_do_not_matter(linear_motion, found, faster, larger):
     motion = larger * linear_motion.angle, larger * faster * linear_motion.rate
@@ -137,6 +139,7 @@ def test_units_of_time_and_angle_do_not_matter(linear_motion, found, faster, lar
     assert other.amplitude == pytest.approx(abs(larger) * found.amplitude, rel=1e-3)
 
 
+@pytest.mark.long
 def test_less_information_gives_more_uncertainty(found):
     # long waves: what little there is near the natural period could be the sea's own
     far = identify_at_sea(measured(known_sea(LINEAR, [4], 5.0, np.radians(1.0), 400.0, by_slope=True)))
@@ -145,6 +148,7 @@ def test_less_information_gives_more_uncertainty(found):
     assert 'sea-hides-hull' in {a.code for a in far.advice}
 
 
+@pytest.mark.release
 def test_heave_tells_two_seas_apart():
     rng, time = np.random.default_rng(11), np.arange(0.0, 600.0, 0.1)
     frequency = np.sort(rng.uniform(0.4, 8.0, 500))
@@ -198,7 +202,7 @@ def test_calm_before_the_waves_is_left_out(linear_motion):
     assert found.natural_period == pytest.approx(LINEAR.natural_period, abs=3.0 * found.natural_period_std)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_refit_on_waves_believes_what_is_better(linear_motion):
     refitter, shares = Refitter(ROLL_ONLY), []
     first = refit(refitter.request(table(linear_motion), source={'topic': 'here'}), progress=shares.append)
@@ -270,7 +274,7 @@ def test_a_hull_that_is_known_too_poorly_is_told_but_not_written(sea_file, tmp_p
     assert main([*command, '--force']) == 0 and model.exists()
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_thirds_of_a_measured_record_agree(data_folder):
     trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd')
     thirds = [identify_at_sea(trial.between(600.0 * k, 600.0 * (k + 1)), axis='pitch') for k in range(3)]
@@ -314,7 +318,8 @@ def alone(turned):
     return cache(lambda k: identify_at_sea(measured(turned[k])))
 
 
-@pytest.mark.parametrize('k', [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))])
+@pytest.mark.release
+@pytest.mark.parametrize('k', [0, 1, 2])
 def test_a_hull_is_found_in_seas_from_two_headings(turned, alone, k):
     found, (period, damping) = alone(k), equivalent(turned[k])
     assert found.is_usable and found.natural_period == pytest.approx(period, rel=0.03)
@@ -322,7 +327,7 @@ def test_a_hull_is_found_in_seas_from_two_headings(turned, alone, k):
     assert abs(found.damping_ratio - damping) < 2.5 * found.damping_ratio_std
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_several_records_know_the_hull_better_than_one(turned, alone, tmp_path):
     found = identify_at_sea([measured(sea) for sea in turned])
     assert found.natural_period_std < 0.75 * np.mean([alone(k).natural_period_std for k in range(3)])
@@ -332,7 +337,7 @@ def test_several_records_know_the_hull_better_than_one(turned, alone, tmp_path):
     assert is_at_sea(read_model(tmp_path / 'hull.yaml')['roll'])
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_peak_of_the_waves_is_no_hull():
     swell = known_sea(LINEAR, [5], 2.0, np.radians(2.0), 600.0, gamma=60.0)
     found = identify_at_sea(measured(swell))
@@ -341,7 +346,7 @@ def test_a_peak_of_the_waves_is_no_hull():
     assert abs(found.natural_period - LINEAR.natural_period) < 2.0 * found.natural_period_std
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_records_that_disagree_are_not_usable(turned):
     slower = replace(measured(turned[1]), time=1.25 * turned[1].time, rate=None)
     found = identify_seas([SeaRecord(replace(measured(turned[0]), rate=None)), SeaRecord(slower)], searched=True)
@@ -387,6 +392,7 @@ def test_a_changed_hull_is_told_and_no_other(turned, slower, damped):
     assert {each.code for each in watch.advice()} == {code for code, found in told.items() if found is not None}
 
 
+@pytest.mark.long
 def test_a_change_shows_at_once_though_the_whole_past_hides_it(turned):
     (period, damping), motion, slower = equivalent(turned[0]), measured(turned[0]), 1.13
     model = DecayModel.of(b1=4.0 * np.pi * damping / period, r1=(2.0 * np.pi / period) ** 2, axis='roll')
@@ -418,7 +424,7 @@ def test_a_change_is_told_once_it_is_beyond_what_changing_seas_deceive_by():
     assert after(*[(False, 0.4, 0.1)] * 2, (True, 0.05, 0.0)) == []
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_the_status_reports_a_changed_stiffness_within_minutes():
     motion, faster = measured(known_sea(LINEAR, [3], 1.3, np.radians(3.0), 240.0)), 2.5
     trial = Trial(motion.time / faster, roll=motion.angle, roll_rate=motion.rate * faster, pitch=0.0 * motion.time)

@@ -217,6 +217,7 @@ def fit(made, equation):
 OTHERS = [pytest.param(h, marks=pytest.mark.long) for h in ('swath-usv-pitch 9', 'swath-pitch 9', 'hydrofoil-pitch 5')]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize('hull', ['swath-roll 15', *OTHERS])
 def test_intervals_hold_in_waves_at_resonance(bench, hull):
@@ -264,6 +265,7 @@ def test_a_term_that_the_equation_lacks_is_named_and_least_squares_stays(bench, 
     assert fit(made, bench.equation_of(made.truth)).absent_term is None
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_likelihood_takes_waves_for_waves_and_least_squares_stays_where_it_leaves_its_period(bench):
     made = bench.made_trial('hydrofoil-pitch 3', bench.SCENES['all'], 0)
@@ -290,7 +292,7 @@ def test_a_hull_that_its_upright_position_throws_off_does_not_widen_the_stiffnes
     assert abs(found.model.terms['s1'] - hull.terms['s1']) < 3.0 * found.std['s1']
 
 
-@pytest.mark.long
+@pytest.mark.release
 @pytest.mark.slow
 def test_many_records_have_an_uncertainty():
     """The determinant of the covariance of fifty parameters is below the smallest number."""

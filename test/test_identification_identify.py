@@ -103,7 +103,7 @@ def test_a_hand_that_holds_the_craft_off_its_trim_is_no_motion_of_the_basin(angl
     assert problem.segments[0].end <= problem.observed[0].time[-1] < since
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_truth_of_the_published_pitch_hull_within_its_uncertainty():
     errors, scores = [], []
     for seed in range(10):
@@ -159,7 +159,8 @@ def test_a_channel_that_comes_late_is_moved_and_told_of(late, share, scale, tmp_
     assert found['natural_period_s'] == pytest.approx(hull.natural_period, rel=0.003)
 
 
-@pytest.mark.parametrize(('scale', 'sign'), [(0.1, -1.0), pytest.param(10.0, 1.0, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize(('scale', 'sign'), [(0.1, -1.0), (10.0, 1.0)])
 def test_an_angle_that_a_first_order_filter_delays_is_unfiltered(scale, sign):
     hull = DecayModel.of(b1=0.3 / scale, b2=1.0, r1=9.0 / scale**2, axis='roll')
     noise = SensorNoise(5e-4, 5e-4 / scale)
@@ -172,6 +173,7 @@ def test_an_angle_that_a_first_order_filter_delays_is_unfiltered(scale, sign):
     assert found.damping_ratio == pytest.approx(identify([motion]).damping_ratio, rel=0.05)
 
 
+@pytest.mark.long
 def test_a_search_is_left_out_where_the_decrement_explains_the_motion(plain):
     first, asked = identify([decay()]), identify([decay()], settings('auto', search={'generations': 40}))
     assert (first.search.stop, first.search.start, first.search.generations) == ('explained', 'decrement', 0)
@@ -610,7 +612,8 @@ def test_the_verdict_says_to_which_side_its_error_holds(found, monkeypatch, othe
     assert verdict.level == (DOUBTFUL if other_side > 0.5 else ADEQUATE)
 
 
-@pytest.mark.parametrize(('start', 'end'), [(16.2, 34.0), pytest.param(15.0, None, marks=pytest.mark.long)])
+@pytest.mark.release
+@pytest.mark.parametrize(('start', 'end'), [(16.2, 34.0), (15.0, None)])
 def test_bounds_that_take_in_a_hold_are_answered_with_the_time_of_the_release(start, end):
     held = decay(3, hull_named('swath-roll').model, 6.0, 30.0, hold=19.0)
     fit = identify([held], IdentificationSettings(start=start, end=end))
@@ -637,7 +640,8 @@ def test_a_motion_that_no_hull_follows_is_refused(monkeypatch):
     assert refused.value.code == 'runaway'
 
 
-@pytest.mark.parametrize('seed', [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (4, 5))])
+@pytest.mark.release
+@pytest.mark.parametrize('seed', [1, 4, 5])
 def test_a_hull_that_capsizes_to_one_side_is_doubtful_until_it_was_released_there(seed):
     hull = hull_named('swath-roll').model
     large, small = decay(seed, hull, 8.0), decay(10 + seed, hull, -6.0)
@@ -673,7 +677,8 @@ def test_the_restoring_moment_vanishes_to_one_side():
     assert np.isnan(vanishing_angle(softening, 1.0))
 
 
-@pytest.mark.parametrize('equation', ['swath-pitch-2', pytest.param('swath-roll-3', marks=pytest.mark.long)])
+@pytest.mark.release
+@pytest.mark.parametrize('equation', ['swath-pitch-2', 'swath-roll-3'])
 def test_the_period_of_small_motions_has_the_scatter_that_its_standard_deviation_states(equation):
     hull = published_ratios_for(equation_named(equation))
     fits = [identify([decay(seed, hull)], settings(equation)) for seed in range(1, 9)]

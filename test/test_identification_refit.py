@@ -121,6 +121,7 @@ def test_a_longer_view_takes_the_place_of_the_shorter_and_its_tail_is_no_release
     assert [each.end for each in refitter.decays['pitch'].decays] == [each.end for each in alone.decays['pitch'].decays]
 
 
+@pytest.mark.long
 def test_several_releases_are_one_fit_as_several_records_are(table, twice):
     refitter, outcome = twice
     assert outcome.succeeded and '; 2 releases, the next one known to ' in outcome.message
@@ -160,6 +161,7 @@ def test_a_changed_craft_starts_anew_and_rollback_leads_back(twice, change):
     assert not refitter.rollback() and refitter.version == 8
 
 
+@pytest.mark.long
 def test_by_itself_only_the_axis_whose_decay_was_noticed_is_fitted(table):
     told, settings = [], replace(QUICK, axes=('roll', 'pitch'))
     outcome = refit(Refitter(settings).request(table), progress=told.append)

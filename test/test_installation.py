@@ -44,7 +44,7 @@ class Environment:
         return Path(self.run('python', '-c', 'import swath_sysid.cli.main; print(swath_sysid.__file__)')).parents[1]
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_any_order_of_installing_works_also_over_the_caches_of_an_earlier_version(tmp_path):
     pytest.importorskip('setuptools', '70.1')
     environment = Environment(tmp_path)

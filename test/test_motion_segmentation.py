@@ -144,6 +144,7 @@ def test_a_release_is_timed_although_the_hand_wobbles(benchmark_module):
     assert np.median(off) < 0.007 and np.quantile(off, 0.9) < 0.025
 
 
+@pytest.mark.long
 def test_a_strongly_wobbling_hand_does_not_hide_the_release_of_a_heavily_damped_hull(benchmark_module):
     made, off = benchmark_module('basin'), []
     hulls = 'hydrofoil-pitch 3', 'swath-usv-pitch 5'

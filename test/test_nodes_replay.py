@@ -83,6 +83,7 @@ def numbers_on(path, topic):
     return found
 
 
+@pytest.mark.long
 def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, bench):
     model, params = tmp_path / 'hull.yaml', tmp_path / 'params.yaml'
     write_model(model, {'roll': HULL})
@@ -142,6 +143,7 @@ def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, be
     assert drawn and drawn <= shown
 
 
+@pytest.mark.long
 def test_a_recording_in_a_namespace_holds_what_was_replayed_there(bag, tmp_path, bench):
     whole, copy = tmp_path / 'whole.mcap', tmp_path / 'copy.mcap'
     assert main(['play-through', str(bag), '--output', str(whole), '--with-imu']) == 0
@@ -176,6 +178,7 @@ def test_replay_leaves_out_what_the_nodes_publish_unless_asked(bag, tmp_path, ca
     assert 'has no topic that the nodes do not publish themselves' in capfd.readouterr().err
 
 
+@pytest.mark.long
 def test_the_sensor_of_the_running_nodes_is_recorded_under_its_name(tmp_path):
     output, sent = tmp_path / 'run.mcap', 50
     bench = Bench(imu_topic='/xsens/imu')
@@ -194,6 +197,7 @@ def test_the_sensor_of_the_running_nodes_is_recorded_under_its_name(tmp_path):
     assert 0 < len(decoded(output, '/xsens/imu')) <= sent
 
 
+@pytest.mark.long
 def test_a_recorder_without_a_sensor_warns_soon_and_at_the_end(tmp_path, bench):
     sea = bench.publisher(String, '/sea/state', LATCHED)
     sea.publish(String(data='calm'))
@@ -211,6 +215,7 @@ def test_a_recorder_without_a_sensor_warns_soon_and_at_the_end(tmp_path, bench):
     assert len(decoded(tmp_path / 'run.mcap', '/sea/state')) == 1
 
 
+@pytest.mark.long
 def test_a_killed_recording_can_be_read(bag, tmp_path):
     with ExitStack() as stack:
         player = stack.enter_context(verb('replay', bag, '--loop', '--wait-for', 1))

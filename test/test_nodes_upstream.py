@@ -192,7 +192,7 @@ def error_at(trial, forecasts, lead):
     return float(np.sqrt(np.mean(np.square(errors))) / trial.roll[trial.time >= WARMUP].std()), len(errors)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_leader_one_wavelength_ahead_halves_the_error(node, craft, tmp_path):
     """Roll one peak period ahead, from the node, beside the same forecasts without the leader."""
     follower, leader = craft.two_craft(DURATION)

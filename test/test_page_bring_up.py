@@ -152,6 +152,7 @@ def test_every_fault_is_named_with_its_cure(fault):
     assert max(len(guidance.sentence) for guidance in tank.guidances) <= 76
 
 
+@pytest.mark.long
 def test_a_simulated_craft_is_released_by_the_page_and_after_a_fault_the_next_push_is_judged_by_itself():
     tank = TankSide()
     tank.record.can_push = True

@@ -104,6 +104,7 @@ def page(tmp_path_factory):
     bench.close()
 
 
+@pytest.mark.long
 def test_from_rest_to_a_kept_model_without_a_terminal(page):
     page.rest()
     page.lie_still_until(lambda guidance: 'Now push' in guidance.sentence, 'request to push')
@@ -157,6 +158,7 @@ def page_of(process):
     return found()[0]
 
 
+@pytest.mark.long
 def test_run_starts_the_page_once_more_where_it_ends_and_ends_it():
     pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
     process = command_line('run', '--page', '--port', '0', '--namespace', 'paged')

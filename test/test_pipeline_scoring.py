@@ -100,6 +100,7 @@ def test_a_forecast_issued_after_a_gap_counts_and_has_a_score_of_its_own():
     assert np.all(found.replaced_share['persistence'] == 0.0)
 
 
+@pytest.mark.long
 def test_what_is_scored_and_what_is_learnt_from_are_chosen_apart():
     trial = sea(150.0)
     run = run_through(trial, ForecasterSettings(leads=LEADS, window=PAST), {})
@@ -140,6 +141,7 @@ def test_an_hour_is_scored_from_the_tenth_minute_and_intervals_need_eight_blocks
     assert np.isnan(resampled(np.ones((1, 7, 1)), 0)).all() and (resampled(np.ones((1, 8, 1)), 0) == 8.0).all()
 
 
+@pytest.mark.long
 def test_the_verb_scores_the_first_minute_and_prints_one_json_object(tmp_path, capsys):
     write_csv(tmp_path / 'sea.csv', sea(80.0))
     picture = tmp_path / 'skill.png'
@@ -182,6 +184,7 @@ def test_what_cannot_be_scored_is_refused():
             score(*given)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_ship_that_tells_angles_once_a_second_is_forecast_and_its_intervals_hold(data_folder):
     trial, leads = read_trial(data_folder / 'waves' / 'nbp1406_ship.csv'), (2.0, 5.0)
@@ -261,7 +264,7 @@ def swell_file(tmp_path_factory):
     return str(path)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_the_verb_scores_points_and_the_sensor(swell_file, tmp_path, capsys):
     options = ['--leads', '0.5,1', '--warmup', '170', '--plot', str(tmp_path / 'skill.png')]
     assert main(['forecast', swell_file, '--point', 'bow:2.5,0,0', *options, '--json']) == 0

@@ -44,6 +44,7 @@ def published(count, *, has_force=True):
     return found
 
 
+@pytest.mark.long
 def test_a_report_comes_each_minute_with_the_sea_or_why_it_is_not_known():
     reports = published(4000)
     gaps = 1e-9 * np.diff([EPOCH_NS, *reports])

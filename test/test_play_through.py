@@ -80,6 +80,7 @@ def stub_fit(calls):
     return fit
 
 
+@pytest.mark.long
 def test_two_runs_give_the_same_messages_bit_for_bit_as_a_type_system_writes_them(bag, played, tmp_path, capsys):
     again = play(bag, tmp_path, '--refit-delay', '0.5', '--json')
     told = json.loads(capsys.readouterr().out)
@@ -144,7 +145,7 @@ def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
     assert numbers.data[numbers.layout.dim[1].label.split(',').index('r1')] == model.terms['r1']
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_no_window_of_half_an_hour_of_measured_waves_holds_a_decay(data_folder):
     window = MotionWindow()
     steps = [window.add(reading) for reading in read_readings(data_folder / 'waves/morro_buoy.csv')]
@@ -152,6 +153,7 @@ def test_no_window_of_half_an_hour_of_measured_waves_holds_a_decay(data_folder):
     assert not any(step.finished for step in steps)
 
 
+@pytest.mark.long
 def test_a_window_that_comes_amid_a_fit_waits_for_it(bag):
     calls = []
     no_waves = PipelineSettings(forecaster=ForecasterSettings(first_refit=1e9))
@@ -231,6 +233,7 @@ def test_a_gap_is_told_once_and_a_clock_set_back_begins_anew(bag):
     assert silences == ('0',) * 5 + ('1',) * 11
 
 
+@pytest.mark.long
 def test_a_known_model_is_published_first_and_used_and_the_model_path_of_the_nodes_never_written(bag, tmp_path, played):
     model_file = tmp_path / 'hull.yaml'
     write_model(model_file, {'roll': HULL})

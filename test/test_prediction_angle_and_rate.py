@@ -54,7 +54,7 @@ def test_gaps_and_missing_values_say_nothing():
         assert meter.take(0.1, *missing, ANGLE_STD**2, RATE_STD**2) == 0.0
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_hull_does_not_spoil_the_forecast_of_a_buoy_whose_attitude_lags(data_folder):
     """Its angles are some 0.07 s behind its gyroscopes; the hull is what the first five minutes show of it."""
     trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd').between(None, 240.0)

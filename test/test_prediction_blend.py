@@ -234,6 +234,7 @@ def test_errors_are_of_the_row_that_a_forecast_was_for_and_of_the_nearest_step()
     assert told.mean[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
+@pytest.mark.long
 @given(factor=st.floats(0.1, 10.0), seed=st.integers(0, 50))
 def test_a_motion_stretched_in_time_is_blended_as_before(factor, seed):
     blends = _blend(), Blend(factor * LEADS, factor * STEP, factor * PERIOD, 1, (1.0, 1.0))

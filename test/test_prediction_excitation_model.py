@@ -111,14 +111,14 @@ def _errors_of_roll(sea, every, begin, end):
     return np.sqrt(np.mean(np.square(errors), axis=0))
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_on_a_known_hull_a_quicker_sensor_is_no_worse(sea):
     """Whose rows are means of samples, and whose fits are asked for between two rows."""
     slow, quick = (_errors_of_roll(sea, every, 60.0, 160.0) for every in (10, 2))
     assert (quick < slow).all(), (quick, slow)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_forecasts_with_the_learnt_moment_are_better_and_know_how_good_they_are(sea):
     true, seen = sea
     fit, nrmse, coverage = excitation.fit_excitation(_request(seen[:COUNT])), [], []

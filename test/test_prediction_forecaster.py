@@ -112,7 +112,7 @@ def without_noise():
     return run(SEA.samples(TIME, told=False))[1]
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_jitter_of_the_stamps_costs_little(without_noise):
     jitter = TIME[:900] + np.random.default_rng(2).uniform(-0.02, 0.02, 900)
     _, jittered = run(SEA.samples(jitter))
@@ -127,7 +127,7 @@ def test_a_forecast_is_of_its_stamp_where_the_stamps_of_even_samples_jitter(with
     assert (a < 1.2 * b).all(), a / b
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_jitter_at_a_rate_between_two_numbers_of_samples_per_row_forgets_nothing():
     """Two samples of 25 Hz are as far from a row's time as three."""
     time = clock(25.0, 60.0)
@@ -138,7 +138,8 @@ def test_jitter_at_a_rate_between_two_numbers_of_samples_per_row_forgets_nothing
     assert (a < 1.5 * b).all(), (a, b)
 
 
-@pytest.mark.parametrize('lost', [5, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.release
+@pytest.mark.parametrize('lost', [5, 20])
 def test_after_lost_samples_the_forecast_is_that_of_a_whole_record(run_on, steady, without_noise, lost):
     numbers = np.arange(TIME.size)
     kept = (numbers % 100 >= lost) | (numbers < UNTOUCHED)
@@ -222,6 +223,7 @@ def test_a_clock_that_is_set_back_by_less_than_a_late_message_is_is_followed():
     assert sum(not step.used for step in steps) == 3 and not sum(step.lost for step in steps)
 
 
+@pytest.mark.long
 def test_a_silence_is_no_step_of_the_clock(run_on):
     for seconds in (0.4, 1.0, 5.0, 30.0):
         samples = SEA.samples(TIME, EPOCH + TIME)
@@ -282,6 +284,7 @@ def test_leads_and_horizon_agree_and_the_joint_covariance_holds_that_of_each_axi
             assert np.linalg.eigvalsh(joint / (scale[:, :, None] * scale[:, None, :])).min() > -1e-9
 
 
+@pytest.mark.long
 def test_a_fit_within_its_delay_changes_nothing_and_a_late_one_is_used_from_then_on():
     """Live, the background takes a while; offline it takes none."""
     time = clock(10.0, 45.0)
@@ -306,7 +309,8 @@ def test_a_sensor_that_changes_its_rate_is_followed(rates):
     assert (relative[:3] < (0.05, 0.2, 0.4)).all(), relative
 
 
-@pytest.mark.parametrize('slower', [pytest.param(5.0, marks=pytest.mark.long), 0.2])
+@pytest.mark.release
+@pytest.mark.parametrize('slower', [5.0, 0.2])
 def test_a_craft_and_a_sea_that_are_slower_by_a_factor_are_forecast_as_well_so_much_further_ahead(steady, slower):
     sea, leads = Sea(slower), tuple(slower * np.array(LEADS))
     settings = replace(
@@ -372,7 +376,7 @@ def released(craft, pipeline, rest, count):
     return np.arange(len(truth)) / rate, np.array(truth), issued, free
 
 
-@pytest.mark.long
+@pytest.mark.release
 @pytest.mark.parametrize('name', ['swath-roll', 'swath-usv-pitch'])
 def test_the_first_release_of_an_unknown_craft_is_no_surer_than_it_is_right(name):
     """A minute of rest, in which state spaces learn the sensor's noise, says nothing of a release."""
@@ -426,9 +430,8 @@ def test_before_two_cycles_have_been_seen_the_level_may_be_any_of_them(slower):
     assert len(held) > 30 and (np.mean(held, axis=0) > 0.73).all(), np.mean(held, axis=0)
 
 
-@pytest.mark.parametrize(
-    ('name', 'rate_noise'), [('swath-pitch', 0.0164), pytest.param('swath-roll', 0.0050, marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize(('name', 'rate_noise'), [('swath-pitch', 0.0164), ('swath-roll', 0.0050)])
 def test_a_released_hull_is_forecast_one_period_ahead_at_its_first_release_too(name, rate_noise):
     """With the noise of the rate, rad/s, that each study shows."""
     model = hull_named(name).model
@@ -454,7 +457,7 @@ def run_on_at_100_hz():
     return lambda time: run(SEA.samples(time), pipeline=copy.deepcopy(pipeline))[1]
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_fit_that_arrives_makes_no_forecast_less_sure(run_on_at_100_hz):
     """The hull's filter goes on from the time of its window's end, which lies between two samples, not from another."""
     steps = run_on_at_100_hz(60.0 + clock(100.0, 40.0))

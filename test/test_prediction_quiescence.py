@@ -210,7 +210,7 @@ def test_the_message_names_its_values():
     assert message.data.tolist() == [1.5, 0.25]
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_the_error_at_the_valid_lead_is_the_limit():
     settings, waves = ForecasterSettings(leads=(1.0,), horizon=8.0, forecast_rate=5.0, window=40.0), sea(300.0)
     skill = score(waves, run_through(waves, settings, {}), (1.0,), 120.0, 40.0)
@@ -222,6 +222,7 @@ def test_the_error_at_the_valid_lead_is_the_limit():
         assert scores.expected == pytest.approx(scores.nrmse['forecast'], rel=0.3)
 
 
+@pytest.mark.long
 def test_a_smaller_limit_is_passed_sooner_and_the_state_is_reported():
     leads = []
     for limit in (ErrorLimit(), ErrorLimit(0.25), ErrorLimit(0.25, 10.0)):

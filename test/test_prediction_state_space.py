@@ -221,6 +221,7 @@ def test_models_side_by_side_forecast_as_they_do_alone():
     assert both.from_lags is None
 
 
+@pytest.mark.long
 @settings(max_examples=25)
 @given(st.integers(0, 1000))
 def test_covariances_stay_those_of_something(seed):

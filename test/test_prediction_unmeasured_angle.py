@@ -97,7 +97,8 @@ def of_complete_sensor(sea):
     return np.sqrt(np.mean(errors**2, axis=0))
 
 
-@pytest.mark.parametrize('bias_deg', [pytest.param(0.3, marks=pytest.mark.long), -3.0])
+@pytest.mark.release
+@pytest.mark.parametrize('bias_deg', [0.3, -3.0])
 def test_on_a_known_hull_a_biased_gyroscope_alone_is_as_good_as_a_complete_sensor_without(
     sea, of_complete_sensor, bias_deg
 ):
@@ -182,7 +183,8 @@ def test_an_angle_at_rest_is_one_also_by_a_sensor_that_repeats_it(bias, seed):
     assert np.all(followed(UnmeasuredAngle(WINDOW), np.full(2000, 0.02), rates) == 0.02)
 
 
-@pytest.mark.parametrize('freezes', [pytest.param(False, marks=pytest.mark.long), True])
+@pytest.mark.long
+@pytest.mark.parametrize('freezes', [False, True])
 def test_on_a_known_hull_angles_that_are_lost_or_freeze_are_forecast_by_the_rates(sea, of_complete_sensor, freezes):
     time, noise = sea.time - sea.time[0], np.random.default_rng(2).normal(scale=5e-4, size=sea.time.size)
     angle = sea.angle[:, 0] + noise
@@ -192,6 +194,7 @@ def test_on_a_known_hull_angles_that_are_lost_or_freeze_are_forecast_by_the_rate
     assert np.all(np.mean(np.abs(errors) < 1.645 * deviations, axis=0) >= 0.9)
 
 
+@pytest.mark.long
 def test_forecasts_of_a_sensor_that_repeats_itself_are_those_of_a_silent_one(sea):
     time, rng = sea.time - sea.time[0], np.random.default_rng(2)
     angle, rate = sea.angle[:, 0] + rng.normal(scale=5e-4, size=time.size), sea.rate[:, 0]

@@ -54,7 +54,7 @@ def without(blind):
     return error(craft_and_probe()[0], blind)[0]
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_wave_is_forecast_until_it_has_passed_the_probe_and_then_as_well_as_can_be(without):
     trial, probe = craft_and_probe()
     found, coverage = error(trial, seeing(trial, trial.time, probe))
@@ -70,7 +70,8 @@ def test_a_wave_is_forecast_until_it_has_passed_the_probe_and_then_as_well_as_ca
     assert (error(trial, seeing(trial, trial.time, noise))[0] < 1.03 * without).all()
 
 
-@pytest.mark.parametrize('kind', ['lost', *(pytest.param(kind, marks=pytest.mark.long) for kind in ('quick', 'late'))])
+@pytest.mark.release
+@pytest.mark.parametrize('kind', ['lost', 'quick', 'late'])
 def test_samples_may_be_lost_quicker_than_the_imus_or_late(without, kind):
     trial, probe = craft_and_probe()
     rng = np.random.default_rng(3)
@@ -85,7 +86,7 @@ def test_samples_may_be_lost_quicker_than_the_imus_or_late(without, kind):
     assert (found[:2] < [0.2, 0.2]).all() and (found[:2] < 0.35 * without[:2]).all()
 
 
-@pytest.mark.long
+@pytest.mark.release
 @pytest.mark.parametrize('kind', ['stuck', 'lying'])
 def test_a_probe_that_is_stuck_or_lies_costs_little_and_serves_again(blind, without, kind):
     trial, probe = craft_and_probe()
@@ -150,6 +151,7 @@ def test_the_past_is_as_long_as_the_wave_travels(travel):
     assert travel - 3.0 <= needed_past(rows, STEP, 3.0, LONGEST_PAST * USUAL_PERIOD) <= travel + 3.0
 
 
+@pytest.mark.long
 def test_channels_are_known_and_their_gain_is_told():
     trial, probe = craft_and_probe(duration=300.0)
     names = ('probe', 'noise')

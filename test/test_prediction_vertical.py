@@ -89,7 +89,7 @@ def test_the_covariance_at_a_point_is_that_of_draws():
     np.testing.assert_allclose(drawn / np.outer(size, size), found / np.outer(size, size), atol=0.03)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_vertical_velocity_is_forecast_at_the_sensor_and_ahead_of_it(at_sea):
     trial, velocities, run = at_sea
     for point, velocity in zip(POINTS, velocities, strict=True):
@@ -143,7 +143,7 @@ def test_windows_of_calm_are_calm(at_sea):
     assert len(told) > 50 and min(told) >= 0.6 and np.mean(kept) > 0.6
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_buoy_at_sea(data_folder):
     """Vertical velocity of the Morro Bay buoy; the truth is the zero-phase integral of the whole record."""
     trial = read_trial(data_folder / 'waves' / 'morro_buoy.csv', frame='frd')

@@ -221,6 +221,6 @@ def test_where_wings_are_deleted_nothing_else_is_missing(gone, told_here, tmp_pa
     if len(gone) < len(WINGS):
         return  # what the tests of the core need is gone with all of them, if ever
     tests = [f'test/test_{name}.py' for name in TESTS.split()]
-    quick = ('-m', 'pytest', '-q', '-p', 'no:cacheprovider', '-m', 'not dds and not long')
+    quick = ('-m', 'pytest', '-q', '-p', 'no:cacheprovider', '-m', 'not dds and not long and not release')
     run_in(copy, *quick, *tests)
     run_in(copy, *quick, 'test/test_cli.py', 'test/test_public_api.py', '-k', OF_CLI)

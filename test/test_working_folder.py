@@ -57,6 +57,7 @@ def test_a_module_of_the_working_folder_would_leave_its_name(trap):
     assert 'signal' in run_of(trap)
 
 
+@pytest.mark.long
 def test_verbs_and_worker_processes_import_nothing_from_the_working_folder(trap):
     done = subprocess.run(
         command(trap, COMMAND + CHILDREN), cwd=trap, env=environment(), capture_output=True, text=True
@@ -80,6 +81,7 @@ def test_an_empty_entry_of_pythonpath_is_left_out_and_others_stay(tmp_path):
     assert (done.returncode, done.stdout) == (0, f'{path}\n'), done.stderr
 
 
+@pytest.mark.long
 @pytest.mark.dds
 def test_nodes_the_craft_and_the_page_import_nothing_from_the_working_folder(trap):
     pytest.importorskip('rclpy')

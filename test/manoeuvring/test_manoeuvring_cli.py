@@ -40,6 +40,7 @@ def model(folder):
     return folder / 'model.yaml'
 
 
+@pytest.mark.long
 def test_identify_json(folder, capsys):
     runs = [folder / 'runs' / f'{n}.csv' for n in ('zigzag_20', 'mixed', 'turns_slow')]
     capsys.readouterr()
@@ -54,7 +55,7 @@ def test_identify_json(folder, capsys):
     assert len(data['runs']['validation']) == 1
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_identified_model_forecasts_and_simulates(folder, model, capsys):
     names = {path.name for path in (folder / 'plots').iterdir()}
     assert {'derivatives.png', 'residuals.png', 'validation_01_turns_fast.png'} <= names
@@ -138,7 +139,7 @@ def test_a_slip_is_one_sentence_that_says_what_is_meant_and_tasks_are_completed(
     assert completed('swath-sysid manoeuvre sim', tmp_path) == ['simulate']
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_play_through_of_a_bag_without_imu_plays_the_manoeuvres(folder, tmp_path, capsys):
     bag = tmp_path / 'zigzag.mcap'
     assert swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'zigzag', '--output', bag) == 0

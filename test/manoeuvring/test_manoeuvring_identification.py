@@ -54,7 +54,7 @@ def diameters(model, truth):
     return [measured[n] / expected[n] for n in ('steady_diameter_m', 'tactical_diameter_m')]
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_truth_is_found_with_honest_uncertainty(force_runs):
     found = identify_manoeuvring(force_runs, ManoeuvringSettings(**QUICK))
     inside(found, OLD, ('Xu', 'Xuu'))
@@ -77,7 +77,7 @@ def test_truth_is_found_with_honest_uncertainty(force_runs):
     assert prime == pytest.approx(found.derivatives['Xuu'].value / (0.5 * 1025 * 4.88**2))
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_commands_curve_and_lag():
     model = OLD.with_values(gain=150.0, dead_band=0.08, lag=0.3, reverse_ratio=0.7)
     model = replace(model, thrust_input=COMMAND, largest_input=1.0)
@@ -201,7 +201,7 @@ def test_values_on_which_runs_differ_have_their_scatter(monkeypatch):
     assert found == pytest.approx(np.sum((levels / 3.0) ** 2), rel=1e-6)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_craft_that_hardly_keeps_its_course_gets_a_stable_model():
     craft = OLD.with_values(Nuv=-200.0, Nrr=-1000.0, Yv=-120.0, Yv_dot=-60.0)
     assert check_stability(craft, seen_region(runs_of(OLD, 1, ['mixed']))).largest_growth > 0.0
@@ -275,7 +275,7 @@ def test_constant_thrust_flags_every_surge_derivative():
     assert {'Nr', 'Iz', 'Yv'} <= set(found.fixed) and found.stability.stable
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_wrong_scale_of_thrust_is_noticed(force_runs):
     doubled = [replace(run, port=3 * run.port, starboard=3 * run.starboard) for run in force_runs[:6]]
     found = identify_manoeuvring(doubled, ManoeuvringSettings(**QUICK), validation=())
@@ -294,7 +294,7 @@ def test_what_is_given_stays_given(force_runs):
     assert 400.0 - found.model['Nr_dot'] == pytest.approx(446.0 * ratio, rel=0.03)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_same_seed_same_numbers_and_cancel(force_runs):
     settings = ManoeuvringSettings(**QUICK)
     first, second = (identify_manoeuvring(force_runs[4:6], settings) for _ in range(2))
@@ -316,7 +316,7 @@ def test_wrong_settings_and_mixed_inputs_are_refused(force_runs):
         identify_manoeuvring([])
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_each_run_has_its_own_current():
     truth = 3 * [(0.2, 0.1), (-0.15, 0.12)]
     runs = runs_of(OLD, 3, ['speed_up', 'turns_slow', 'turns_fast', 'zigzag_10', 'zigzag_20', 'mixed'], truth)
@@ -356,6 +356,7 @@ def outcome(window):
     return refit_manoeuvring(Request(window.trial(), None, ManoeuvringSettings(mass=180.0, generations=0)))
 
 
+@pytest.mark.long
 def test_the_window_keeps_what_came_and_its_pieces_do_not_span_gaps(window):
     trial, first = window.trial(), trial_programme(OLD)['speed_up']
     assert (trial.thrust_input, trial.frame, trial.time.size) == (FORCE, 'enu', window.size)
@@ -453,7 +454,7 @@ def test_there_is_a_way_back():
     assert not refitter.take(replace(outcome, model=None))
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_only_a_better_model_replaces_the_current_one(window, outcome):
     good = outcome.model
     settings = ManoeuvringSettings(**QUICK)

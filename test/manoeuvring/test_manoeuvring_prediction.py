@@ -48,6 +48,7 @@ def test_forecast_without_noise_is_the_simulation_whose_thrust_is_remembered():
     assert turned.states[0, 2] < 0 < forecast.states[1, 2]
 
 
+@pytest.mark.long
 def test_filter_is_consistent():
     run = runs_of(OLD, 1, ['mixed'])[0]
     truth = trial_programme(OLD)['mixed']
@@ -164,6 +165,7 @@ def lead_errors(found, m, lead):
     ]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_forecasts_are_due_and_right(manoeuvre):
     found = play(ManoeuvreOutlook(SETTINGS, MODEL), manoeuvre, list(enumerate(readings(manoeuvre))))

@@ -67,6 +67,7 @@ def truth(craft_and_trials):
     )
 
 
+@pytest.mark.long
 def test_a_run_of_spins_reverses_nothing(craft_and_trials, runs):
     _, trials = craft_and_trials
     assert not codes(*runs)
@@ -108,7 +109,7 @@ def found(runs, craft_and_trials):
     return identify_manoeuvring(runs[:8], ManoeuvringSettings(mass=craft_and_trials[0].mass, generations=0), runs[8:])
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_craft_with_vices_is_identified_and_its_forecasts_know_how_good_they_are(found, truth, runs):
     assert found.validation.diverged == 0
     assert found.validation.r2['surge'] >= 0.97
@@ -174,7 +175,7 @@ def settings_of(craft, truth, *without):
     return ManoeuvringSettings(mass=craft.mass, fixed=fixed, current='shared', generations=0, terms=terms)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_every_derivative_of_the_otter_is_found(otter):
     craft, runs, truth = otter
     found = identify_manoeuvring(runs, settings_of(craft, truth), ()).derivatives
@@ -183,6 +184,7 @@ def test_every_derivative_of_the_otter_is_found(otter):
     assert found['lag'].value == pytest.approx(craft.lag, abs=3.0 * found['lag'].std)
 
 
+@pytest.mark.long
 def test_what_a_refused_term_would_change_is_in_the_deviations(otter):
     craft, runs, truth = otter
     settings = settings_of(craft, truth, 'x_G')
@@ -199,6 +201,7 @@ def test_what_a_refused_term_would_change_is_in_the_deviations(otter):
     assert np.allclose(np.diag(chance.covariance.matrix), np.diag(plain.covariance.matrix), rtol=0.05)
 
 
+@pytest.mark.long
 def test_a_straight_thrust_curve_is_not_bent_for_what_else_is_missing(otter):
     craft, runs, truth = otter
     settings = settings_of(craft, truth, 'lag')

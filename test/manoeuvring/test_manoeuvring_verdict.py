@@ -67,7 +67,7 @@ def test_what_was_never_measured_is_not_asked_of_the_validation_and_a_model_that
     assert '1.20 m/s' in verdict.sentence
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_rejected_model_is_written_only_by_force(tmp_path, capsys, monkeypatch):
     """Thrust that does not belong to the motion of the run held out: worse than its mean."""
     runs = runs_of(names=['turns_fast', 'mixed', 'zigzag_20'])
@@ -93,7 +93,7 @@ def test_a_rejected_model_is_written_only_by_force(tmp_path, capsys, monkeypatch
     assert read_manoeuvring_model(model).verdict_sentence == found.verdict.sentence
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_real_catamaran(blueboat):
     """As the runs show it: it sailed for minutes, so it is stable. benchmark/manoeuvring.py leaves some of them out."""
     runs, others = blueboat(EVEN), blueboat(ODD)

@@ -105,6 +105,7 @@ def done(trials, tmp_path_factory):
     return outcome, output
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_every_record_with_every_equation(done):
     outcome, _ = done
@@ -145,7 +146,7 @@ def test_interrupted_again_and_again_and_continued_gives_the_same_tables(trials,
     assert outcome.axes[0].schedule == done[0].axes[0].schedule
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_two_processes_killed_stopped_and_continued_give_the_same_tables(trials, done, tmp_path):
     verb = [sys.executable, '-m', 'swath_sysid.start', 'campaign']
     command = [*verb, str(trials / 'campaign.yaml'), '--output', str(tmp_path), '--jobs', '2']
@@ -257,6 +258,7 @@ def write_releases(path, period, angles, seed):
     path.write_text('\n'.join(['Zeit [s];Rollwinkel [°]', *lines]), encoding='utf-8')
 
 
+@pytest.mark.long
 def test_every_release_counts_and_periods_that_contradict_each_other_are_never_pooled(tmp_path, capsys):
     for number, period in enumerate((2.0, 2.3, 2.0), 1):
         write_releases(tmp_path / f'Versuch_{number}.csv', period, (10, -10, 6), number)
@@ -282,6 +284,7 @@ def test_every_release_counts_and_periods_that_contradict_each_other_are_never_p
     assert 'period of 2.3 s contradicts the 2 s of 3 other releases' in outcome.trials[3].reason
 
 
+@pytest.mark.long
 def test_drafts_of_files_are_told_apart_and_refer_to_the_design_draft(tmp_path):
     for repeat, factor in enumerate(DRAFTS, 1):
         made = simulated_trial(hull_at(factor), math.radians(6), 5.0, 20.0, SensorNoise(), repeat)
@@ -433,7 +436,7 @@ def test_on_a_dask_cluster_a_worker_that_dies_costs_nothing(trials, done, tmp_pa
     assert tables_of(outcome) == tables_of(done[0])
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_measured_trials(data_folder, tmp_path):
     """The smallest and the largest angle of the measured platform: friction is found."""
     text = (
@@ -479,7 +482,7 @@ def at_two_speeds(tmp_path_factory):
     return outcome, folder / 'out'
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_without_an_equation_one_hull_is_told_with_its_verdicts(at_two_speeds):
     outcome, output = at_two_speeds
     resting, _ = outcome.axes

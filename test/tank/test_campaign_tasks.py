@@ -70,6 +70,7 @@ def with_terms(fit, **terms):
     return replace(fit, model=DecayModel.from_terms(model.equation, model.terms | terms, trim=model.trim, axis='pitch'))
 
 
+@pytest.mark.long
 def test_settling_repairs_a_search_that_failed(records, fits):
     small, large = fits[0][0], fits[0][1]
     wrong = with_terms(large, **{t: 1.3 * value for t, value in large.model.terms.items()})

@@ -39,6 +39,7 @@ def test_the_scaled_hull_moves_the_same_in_scaled_time(ratio):
     np.testing.assert_allclose(scaled_rate * root, rate, atol=1e-9)
 
 
+@pytest.mark.long
 @given(st.fractions(Fraction(1, 500), 500).filter(lambda f: f > 0))
 def test_the_way_back_gives_the_very_numbers(ratio):
     start = identified(FULL)

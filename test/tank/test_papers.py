@@ -90,7 +90,7 @@ def test_a_record_is_searched_down_to_its_exact_optimum_and_no_lower():
         assert abs(estimate - value) < 4.0 * std
 
 
-@pytest.mark.long
+@pytest.mark.release
 @pytest.mark.parametrize('name', ['hydrofoil-pitch', pytest.param('swath-roll', marks=pytest.mark.slow)])
 def test_the_page_of_a_study_has_its_figures_and_tables(name, tmp_path, short_search, capsys):
     page = tmp_path / 'study.html'

@@ -44,7 +44,7 @@ def tables_of_a_campaign(folder):
     }
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_campaign_gives_the_stored_tables(tmp_path):
     pytest.importorskip('numba', reason='a fit without it ends elsewhere by 5e-8, which the scatter magnifies')
     stored, found = json.loads(STORED.read_text())['tables'], tables_of_a_campaign(tmp_path)
