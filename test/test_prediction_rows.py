@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from repository import ROOT
 
 from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.rows import (
     _NEW_STEP,
@@ -22,6 +23,8 @@ from swath_sysid.attitude.prediction.rows import (
     Sampled,
     resampled,
 )
+from swath_sysid.formats.reading import read_trial
+from swath_sysid.pipeline.record_run import run_through
 
 SIZE = np.array([0.1, 0.05])
 PHASE = np.array([0.4, 1.9])
@@ -122,72 +125,38 @@ def test_what_is_not_measured_is_no_channel_though_a_filter_knows_it(missing):
 # -- lost samples
 
 
+@pytest.mark.parametrize('rate', [10.0, 30.0, 100.0])
 @pytest.mark.parametrize('lost', [1, 2, 4])
-def test_a_lost_sample_is_filled_as_a_cubic_does(lost):
-    """The error of Hermite's cubic is that of the fourth derivative: its theorem's bounds for angle and rate."""
-    times = clock_ticks(10.0, 120)
-    gaps = np.arange(20, 110, 10)
-    kept = np.delete(times, [place + k for place in gaps for k in range(lost)])
-    rows = rows_of(RowClock(), kept)
-    at = np.array([time for time, _ in rows])
-    assert at == pytest.approx(times[1:], abs=1e-9), 'no row is lost'
-    error = np.abs(values_of(rows, OF_SAMPLE) - motion(at)).max(axis=0)
-    h, w = 0.1 * (lost + 1), 2.0 * math.pi / USUAL_PERIOD
-    of_angle, of_rate = h**4 / 384.0 * w**4, math.sqrt(3.0) / 216.0 * h**3 * w**4
-    assert (error[:2] <= 1.001 * of_angle * SIZE).all() and (error[:2] > 0.5 * of_angle * SIZE).all()
-    assert (error[2:] <= 1.001 * of_rate * SIZE).all()
-    # what has no rate is not known meanwhile, but for a short time
-    others = values_of(rows, OF_CHANNELS)[:, CHANNELS.index('accel_x')]
-    is_filled = ~np.isclose(at[:, None], kept, atol=1e-6).any(axis=1)
-    assert np.isnan(others[is_filled]).all() == (0.1 * (lost + 1) > 0.5 * RowClock().longest_filled)
-    np.testing.assert_allclose(others[~is_filled], at[~is_filled], atol=1e-9)
-
-
-@pytest.mark.parametrize('rate', [30.0, 200.0])
-def test_what_has_no_rate_is_filled_by_a_line_for_a_short_time(rate):
-    """Of a ramp, nothing is missing then, whether rows are samples or smoothed."""
-    times = clock_ticks(rate, round(4.0 * rate))
-    most = math.floor(0.5 * RowClock().longest_filled * rate + 1e-9) - 1
-    kept = np.delete(times, np.arange(round(2.0 * rate), round(2.0 * rate) + most))
-    assert most >= 1
-    whole, filled = (rows_of(RowClock(), each) for each in (times, kept))
-    ramps = [values_of(rows, OF_CHANNELS)[:, CHANNELS.index('accel_x')] for rows in (whole, filled)]
-    np.testing.assert_allclose(ramps[1], ramps[0], atol=1e-9)
-
-
-@pytest.mark.parametrize('rate', [30.0, 200.0])
-def test_what_has_no_rate_is_not_known_over_a_longer_loss_and_angles_are(rate):
-    times = clock_ticks(rate, round(4.0 * rate))
-    lost = math.ceil(0.65 * RowClock().longest_filled * rate)
-    begin = round(2.0 * rate)
+def test_a_row_without_a_sample_is_missing_and_the_others_are_measured(rate, lost):
     clock = RowClock()
-    rows = rows_of(clock, np.delete(times, np.arange(begin, begin + lost)), change=lambda s: s._replace(yaw_rate=1.0))
-    at, channels = np.array([time for time, _ in rows]), values_of(rows, OF_CHANNELS)
-    during = (at > times[begin - 1] + 1e-6) & (at < times[begin + lost] - 1e-6)
-    assert during.any() and np.diff(at) == pytest.approx(clock.step)
-    assert np.isfinite(channels[:, :4]).all() and np.isfinite(values_of(rows, OF_SAMPLE)).all()
-    for name in ('yaw_rate', 'accel_x', 'accel_z'):
-        np.testing.assert_array_equal(np.isnan(channels[:, CHANNELS.index(name)]), during)
-    # what was smoothed before is no part of what comes after
-    ramp = channels[:, CHANNELS.index('accel_x')][at > times[begin + lost] - 1e-6]
-    assert (ramp >= times[begin + lost] - 1e-6).all()
+    samples = max(1, round(USUAL_PERIOD / ROWS_A_PERIOD * rate))
+    count = lost * samples
+    times = clock_ticks(rate, 120 * samples)
+    gaps = samples * np.arange(20, 110, 10)
+    rows = rows_of(clock, np.delete(times, [place + k for place in gaps for k in range(count)]))
+    at, is_known = np.array([time for time, _ in rows]), np.array([row is not None for _, row in rows])
+    assert np.diff(at) == pytest.approx(clock.step)
+    assert lost <= np.count_nonzero(~is_known) / gaps.size <= lost + (samples > 1)
+    found = values_of([row for row, known in zip(rows, is_known, strict=True) if known], OF_SAMPLE)
+    np.testing.assert_allclose(found, motion(at[is_known]), atol=1e-9)
 
 
-@given(degree=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), lost=st.integers(1, 4))
-def test_a_motion_that_is_a_cubic_is_filled_without_error(degree, lost):
-    curve = np.polynomial.Polynomial(degree)
-    slope = curve.deriv()
-
-    def change(sample):
-        now = 1e-9 * sample.stamp_ns - 2.0
-        return sample._replace(roll=curve(now), roll_rate=slope(now))
-
-    kept = np.delete(clock_ticks(10.0, 40), np.arange(15, 15 + lost))
-    rows = rows_of(RowClock(), kept, change=change)
-    at = np.array([time for time, _ in rows]) - 2.0
-    found = values_of(rows, OF_SAMPLE)
-    np.testing.assert_allclose(found[:, 0], curve(at), atol=1e-9)
-    np.testing.assert_allclose(found[:, 2], slope(at), atol=1e-8)
+@pytest.mark.parametrize('rate', [30.0, 100.0])
+def test_within_a_row_a_line_is_drawn_between_rates_and_a_cubic_between_angles(rate):
+    """Errors are within the bounds of their theorems; of a ramp nothing is missing."""
+    times = clock_ticks(rate, round(12.0 * rate))
+    clock, lost = RowClock(), round(USUAL_PERIOD / ROWS_A_PERIOD * rate) - 1
+    kept = np.delete(times, [place + k for place in range(40, times.size - 40, 7 * lost) for k in range(lost)])
+    rows = rows_of(clock, kept)
+    at = np.array([time for time, _ in rows])
+    error = np.abs(values_of(rows, OF_SAMPLE) - motion(at)).max(axis=0)
+    h, w = (lost + 1) / rate, 2.0 * math.pi / USUAL_PERIOD
+    assert (error[:2] <= 1.001 * h**4 / 384.0 * w**4 * SIZE).all() and (
+        error[2:] <= 1.001 * h**2 / 8.0 * w**3 * SIZE
+    ).all()
+    assert (error > 0.0).all()
+    whole = values_of(rows_of(RowClock(), times), OF_CHANNELS)[:, CHANNELS.index('accel_x')]
+    assert values_of(rows, OF_CHANNELS)[:, CHANNELS.index('accel_x')] == pytest.approx(whole, abs=1e-9)
 
 
 @pytest.mark.parametrize('lost', [1, 3])
@@ -200,32 +169,53 @@ def test_a_rate_that_is_filled_is_no_noisier_than_those_beside_it(lost):
 
 
 def test_an_angle_without_rate_is_filled_by_a_line():
-    kept = np.delete(clock_ticks(10.0, 40), 20)
+    kept = np.delete(clock_ticks(100.0, 400), 201)
     rows = rows_of(RowClock(), kept, change=lambda sample: sample._replace(roll_rate=math.nan))
-    filled = next(row for time, row in rows if abs(time - 2.0) < 1e-6)
-    assert filled[OF_SAMPLE][0] == pytest.approx(motion(np.array([1.9, 2.1]))[:, 0].mean())
+    at = np.array([time for time, _ in rows])
+    line = np.interp(at, kept, motion(kept)[:, 0])
+    assert (np.abs(at - 2.01) < 1e-6).any()
+    np.testing.assert_allclose(values_of(rows, OF_SAMPLE)[:, 0], line, atol=1e-9)
 
 
 @pytest.mark.parametrize('rate', [10.0, 100.0])
-def test_what_is_lost_for_longer_than_a_motion_needs_to_turn_is_not_known(rate):
-    longest = RowClock().longest_filled
-    for seconds, is_filled in ((0.9 * longest, True), (1.2 * longest, False), (5.0, False)):
-        clock, times = RowClock(), clock_ticks(rate, round(12.0 * rate))
-        begin = round(6.0 * rate)
-        kept = np.delete(times, np.arange(begin, begin + math.floor(seconds * rate) - 1))
-        rows = rows_of(clock, kept)
-        empty = [time for time, row in rows if row is None]
-        assert (not empty) == is_filled
-        # known or not, there is a row for each step
-        steps = np.diff([time for time, _ in rows]) / clock.step
-        # also where samples come again
-        assert np.abs(steps - 1.0).max() < 1e-6, steps.max()
-        # the first known row is of a whole step of samples
-        assert all(6.0 - clock.step <= time < 6.0 + seconds + clock.step for time in empty)
-        if not is_filled:
-            known = [(time, row) for time, row in rows if row is not None]
-            at = np.array([time for time, _ in known])
-            np.testing.assert_allclose(values_of(known, OF_SAMPLE), motion(at), atol=1e-9)
+def test_over_a_silence_there_is_a_row_for_each_step_and_none_is_known(rate):
+    clock, times = RowClock(), clock_ticks(rate, round(12.0 * rate))
+    begin, lost = round(6.0 * rate), round(5.0 * rate) - 1
+    rows = rows_of(clock, np.delete(times, np.arange(begin, begin + lost)))
+    steps = np.diff([time for time, _ in rows]) / clock.step
+    # also where samples come again
+    assert np.abs(steps - 1.0).max() < 1e-6, steps.max()
+    # the first known row is of a whole step of samples
+    empty = [time for time, row in rows if row is None]
+    assert empty and all(6.0 - clock.step <= time < 11.0 + clock.step for time in empty)
+    known = [(time, row) for time, row in rows if row is not None]
+    np.testing.assert_allclose(values_of(known, OF_SAMPLE), motion(np.array([time for time, _ in known])), atol=1e-9)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('lost', [1, 2])
+def test_after_lost_samples_of_a_buoy_forecasts_err_as_those_of_the_whole_record(lost):
+    trial = read_trial(ROOT / 'records' / 'morro_buoy.csv').between(0.0, 240.0)
+    places = np.arange(1203, trial.time.size - 60, 83)
+    kept = np.delete(np.arange(trial.time.size), [place + k for place in places for k in range(lost)])
+    thinned = Trial(trial.time[kept], **{name: values[kept] for name, values in trial.channels.items()})
+    squares = []
+    for measured in (thinned, trial):
+        run = run_through(measured, ForecasterSettings((0.1, 0.2, 0.3, 0.5), 0.5, 0.5, forecast_rate=10.0))
+        after = [
+            issued
+            for issued in run.steps
+            if 0.05 < np.min((issued.stamp - trial.time[places]) % 1e9) < 2.05 + 0.1 * lost
+        ]
+        ahead = [issued.stamp + issued.forecast.leads for issued in after]
+        errors = [
+            [np.interp(time, trial.time, angle) - mean for time, mean in zip(ahead, means, strict=True)]
+            for place, angle in enumerate((trial.roll, trial.pitch))
+            for means in ([issued.forecast.mean[:, place] for issued in after],)
+        ]
+        squares.append(np.mean(np.square(errors), axis=1))
+    ratio = np.sqrt(squares[0] / squares[1])
+    assert len(places) > 10 and ratio.mean() < 1.1 and ratio.max() < 1.25, ratio
 
 
 @pytest.mark.parametrize('share', [0.01, 0.05, 0.2])

@@ -1,8 +1,8 @@
 """Rows: the motion at even steps, of samples of any rate, where their stamps say.
 
 A sensor's clock is better than its stamps: `SampleClock` takes the jitter of stamps for noise of time, and what is
-missing between two samples for lost. `RowClock` fills what was lost linearly, for less than a motion needs to turn,
-and makes every so many samples a row.
+missing between two samples for lost. `RowClock` makes every so many samples a row and draws a line over those of a row
+that were lost; a row without a sample is missing.
 """
 
 import math
@@ -43,8 +43,6 @@ _INTERVALS = 51  #: Of which the first guess of the interval is the median, and 
 #: Relative differences of a step: that begin rows anew (of the interval: from which samples are read between), and up
 #: to which it is the same one.
 _NEW_STEP, _SAME_STEP = 0.3, 2e-3
-#: Rows; over less, a line between two rates errs by half a percent, and the difference of two angles by their noise.
-_STRAIGHT = 1.0
 AT_ONCE = 0.02  #: Of a step or an interval: what is less apart in time is not told apart.
 _UNKNOWN = (math.nan, math.nan)
 
@@ -165,8 +163,8 @@ class RowClock:
 
     @property
     def longest_filled(self) -> float:
-        """s, a radian of the motion; what is lost for longer is not known."""
-        return self.period / math.tau
+        """s, a step: where more lies between two samples, a row has no sample of its own, and is not known."""
+        return (1.0 + AT_ONCE) * self.step
 
     @property
     def since_row(self) -> float:
@@ -256,14 +254,10 @@ class RowClock:
             ]
         else:
             rows = []
-        if elapsed > 0.5 * self.longest_filled:
-            # the others have no slopes: over half as long a line errs by 3 %, over all of it a cubic by .3 %
-            before[len(ATTITUDE) :] = self._values[len(ATTITUDE) :] = [math.nan] * (len(CHANNELS) - len(ATTITUDE))
         for share in shares:
             if share < 1.0:
-                turns = elapsed > _STRAIGHT * self.step
-                values = _between(before, self._newest, share, elapsed, turns)
-                motion = _between(filtered_before or self._filtered, self._filtered, share, elapsed, turns)
+                values = _between(before, self._newest, share, elapsed)
+                motion = _between(filtered_before or self._filtered, self._filtered, share, elapsed)
             else:
                 values, motion = self._newest, self._filtered
             if self._is_row(values):
@@ -308,23 +302,18 @@ class RowClock:
         return [*channels, *sampled, *means]
 
 
-def _between(before: Sequence[float], after: Sequence[float], share: float, elapsed: float, turns: bool) -> list[float]:
-    """Values, `ATTITUDE` first, at a share of the elapsed s between two samples, linear; angles and, where the motion
-    ``turns``, their rates by cubics of Hermite.
-    """
+def _between(before: Sequence[float], after: Sequence[float], share: float, elapsed: float) -> list[float]:
+    """Values, `ATTITUDE` first, at a share of the elapsed s between two samples: linear, angles by Hermite's cubics."""
     values = [a + share * (b - a) for a, b in zip(before, after, strict=True)]
     rest = 1.0 - share
     for angle in range(len(AXES)):
         rate = angle + len(AXES)
-        # what the rates at both ends add to the line between the angles, and its slope
+        # what the rates at both ends add to the line between the angles
         over = before[angle] + elapsed * before[rate] - after[angle]
         under = after[angle] - elapsed * after[rate] - before[angle]
         added = share * rest * (rest * over + share * under)
-        slope = (rest * (1.0 - 3.0 * share) * over + share * (2.0 - 3.0 * share) * under) / elapsed
         if added == added:
             values[angle] += added
-            if turns:
-                values[rate] = (after[angle] - before[angle]) / elapsed + slope
     return values
 
 
