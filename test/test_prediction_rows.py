@@ -136,9 +136,10 @@ def test_a_row_without_a_sample_is_missing_and_the_others_are_measured(rate, los
     rows = rows_of(clock, np.delete(times, [place + k for place in gaps for k in range(count)]))
     at, is_known = np.array([time for time, _ in rows]), np.array([row is not None for _, row in rows])
     assert np.diff(at) == pytest.approx(clock.step)
-    assert lost <= np.count_nonzero(~is_known) / gaps.size <= lost + (samples > 1)
+    # over two steps a line tells the row that lies between two samples
+    assert lost - (samples > 1) <= np.count_nonzero(~is_known) / gaps.size <= lost + (samples > 1)
     found = values_of([row for row, known in zip(rows, is_known, strict=True) if known], OF_SAMPLE)
-    np.testing.assert_allclose(found, motion(at[is_known]), atol=1e-9)
+    np.testing.assert_allclose(found, motion(at[is_known]), atol=1e-9 if samples == 1 else 2e-3)
 
 
 @pytest.mark.parametrize('rate', [30.0, 100.0])

@@ -266,8 +266,8 @@ class Forecaster:
         # after missing rows the first one shows what can be forecast
         if self._time < self._due or self._steps:
             return step if sea is None else step._replace(sea=sea)
-        self._schedule()
         bank = self._look_at_period(bank)
+        self._schedule()
         forecast, horizon, outlook = self._issue(bank, sample.stamp_ns, wanted())
         request = self._sea_request()
         return step._replace(forecast=forecast, horizon=horizon, outlook=outlook, sea_request=request, sea=sea)
@@ -364,8 +364,7 @@ class Forecaster:
             self._bank.blend.carry_over(before.blend)
         self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting, self._steps, self._laid_out_at = False, None, 0, self._time
-        # a forecast of the sample that completes a row needs nothing more
-        self._refit_due = self._due = -math.inf
+        self._refit_due = -math.inf
         self._follow_period(self._bank)
 
     def _follow_period(self, bank: Bank):

@@ -243,17 +243,8 @@ class RowClock:
             self._lag = self._lag + elapsed - ticks * self._tick
             shares = [min((first + place * self._tick) / elapsed, 1.0) for place in range(ticks)]
         if elapsed > max(self.longest_filled, 1.5 * self.interval):
-            # the rows to come are whole steps after those before, and of so many samples: fewer are less smooth
-            ticks = max(round(self._ticks + elapsed / self._tick), 1)
-            missing = math.ceil((ticks - 1) / self.samples)
-            self.restart()
-            self._ticks = ticks - 1 - missing * self.samples
-            self._newest, shares = list(_channels_of(sample)), [1.0]
-            rows: list[tuple[float, list[float] | None]] = [
-                ((ticks - (place + 1) * self.samples) * self._tick, None) for place in range(missing)
-            ]
-        else:
-            rows = []
+            return self._after_gap(before, filtered_before or self._filtered, elapsed)
+        rows: list[tuple[float, list[float] | None]] = []
         for share in shares:
             if share < 1.0:
                 values = _between(before, self._newest, share, elapsed)
@@ -262,6 +253,37 @@ class RowClock:
                 values, motion = self._newest, self._filtered
             if self._is_row(values):
                 rows.append(((1.0 - share) * elapsed, self._row(values, motion)))
+        return rows
+
+    def _after_gap(
+        self, before: Sequence[float], filtered_before: Sequence[float], elapsed: float
+    ) -> list[tuple[float, list[float] | None]]:
+        """The rows of a gap, whole steps after those before: missing, but for one less than a step before its end.
+
+        Of that, the sample at its end tells, or a line over two steps at most.
+        """
+        ticks = max(round(self._ticks + elapsed / self._tick), 1)
+        newest, filtered, stands_in = self._newest, self._filtered, self._stands_in
+        is_at_end = ticks % self.samples == 0 and elapsed < self.period / math.tau
+        is_told = is_at_end or elapsed < self.longest_filled + self.step
+        # else the row to come is of as many samples as any: fewer are less smooth
+        count = ticks // self.samples if is_told else math.ceil((ticks - 1) / self.samples)
+        since = ticks - count * self.samples
+        self.restart()
+        rows: list[tuple[float, list[float] | None]] = [
+            ((ticks - (place + 1) * self.samples) * self._tick, None) for place in range(count)
+        ]
+        self._stands_in = stands_in
+        if is_told:
+            share = 1.0 - since * self._tick / elapsed
+            values = _between(before, newest, share, elapsed) if since else newest
+            self._is_row(values)
+            rows[-1] = since * self._tick, self._row(values, _between(filtered_before, filtered, share, elapsed))
+        self._newest, self._filtered, self._ticks = newest, filtered, since - 1
+        if since == 0 and is_told:
+            self._ticks = 0
+        elif self._is_row(newest):
+            rows.append((0.0, self._row(newest, filtered)))
         return rows
 
     def _is_row(self, values: Sequence[float]) -> bool:
