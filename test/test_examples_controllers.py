@@ -58,7 +58,7 @@ def test_the_actuator_follows_through_the_inverse_of_its_lag_and_integration_is_
     np.testing.assert_allclose(found[0], 0.5 - 0.2 * time + 0.15 * time**2 + time**3 / 3.0, rtol=1e-12)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_gangway_is_stiller_and_a_winch_gains_with_the_forecast(voyage):
     gangway, mpc = importlib.import_module('gangway'), importlib.import_module('mpc')
     for left in gangway.residual_variances(gangway.hold(voyage)).values():

@@ -154,6 +154,22 @@ def test_after_lost_samples_the_forecast_is_that_of_a_whole_record(run_on, stead
     assert len(after) >= 3 and (ratio[1:] < 1.3).all(), ratio
 
 
+@pytest.mark.parametrize('wrong', [{'roll': 0.4}, {'roll_rate': 0.9}, {'roll': -0.2, 'roll_rate': 0.9}])
+def test_a_rejected_sample_is_as_if_it_were_missing(run_on, wrong):
+    samples = SEA.samples(TIME, EPOCH + TIME)[: UNTOUCHED + 200]
+    spiked, missing = samples.copy(), samples.copy()
+    for place in range(UNTOUCHED + 20, UNTOUCHED + 180, 20):
+        sample = samples[place]
+        spiked[place] = sample._replace(**{name: getattr(sample, name) + error for name, error in wrong.items()})
+        missing[place] = sample._replace(roll=math.nan, roll_rate=math.nan)
+    found, expected = run_on(spiked), run_on(missing)
+    assert sum('outlier-roll' in step.reasons for step in found) == 8
+    for ours, theirs in zip(found, expected, strict=True):
+        if ours.forecast is not None:
+            np.testing.assert_array_equal(ours.forecast.mean, theirs.forecast.mean)
+            np.testing.assert_array_equal(ours.forecast.covariance, theirs.forecast.covariance)
+
+
 def counted(time, stamps):
     """The counts of a pipeline after samples with these stamps, without the forecasts."""
     pipeline = ForecastPipeline(PipelineSettings(forecaster=SETTINGS))

@@ -248,22 +248,40 @@ def test_an_update_is_the_gaussian_conditioned_on_what_was_measured(measured):
 
 @pytest.mark.parametrize('channels', [slice(0, 2), slice(0, 1), slice(1, 2)])
 def test_a_sample_that_a_jump_of_the_moment_explains_is_no_outlier(channels):
-    track, elapsed, gates = HullTrack(), 0.02, (math.inf, 30.0, 40.0)
+    track, elapsed, gate = HullTrack(), 0.02, 35.0
     track.set_hull(ROLL, np.zeros((10, 10)))
     mean, covariance = np.r_[0.08, 0.02, ROLL.trim, ROLL.ratios], np.eye(HULL_STATES) * 1e-9
     track.set_state(mean, covariance)
     jump = 2.0 * (0.3 + 0.02 + abs(ROLL.acceleration(0.08, 0.02)))
     by_jump = np.array([0.5 * elapsed**2, elapsed]) * jump
-    spread = (covariance[:2, :2] + np.diag(VARIANCES) + np.outer(by_jump, by_jump))[channels, channels]
+    noise = covariance[:2, :2] + np.diag(VARIANCES)
+    spread = (noise + np.outer(by_jump, by_jump))[channels, channels]
     away = by_jump[channels] / math.sqrt(by_jump[channels] @ np.linalg.solve(spread, by_jump[channels]))
-    for size, wanted in ((0.98, False), (1.02, True)):
+    for size in (0.98, 1.02):
         values = np.full(2, NAN)
-        values[channels] = mean[:2][channels] + size * math.sqrt(gates[away.size]) * away
-        track.update(tuple(values.tolist()), VARIANCES, learns=False)
-        assert track.mahalanobis**2 > gates[away.size]
-        assert track.is_outlier(gates, elapsed, 0.3) is wanted
-        track.undo_update()
+        step = size * math.sqrt(gate) * away
+        values[channels] = mean[:2][channels] + step
+        sample = tuple(values.tolist())
+        assert track.nis(sample, VARIANCES) == pytest.approx(step @ np.linalg.solve(noise[channels, channels], step))
+        assert track.nis(sample, VARIANCES) > gate
+        after_jump = track.nis_after_jump(sample, VARIANCES, elapsed, 0.3)
+        assert after_jump == pytest.approx(step @ np.linalg.solve(spread, step)) == pytest.approx(size**2 * gate)
         assert np.array_equal(track.x, mean) and np.array_equal(track.P, covariance)
+
+
+def test_a_jump_is_believed_once_a_second_sample_says_the_same_and_a_wrong_one_leaves_no_mark():
+    for wrong in ((0.0, 0.1), (0.03, 0.0), (0.02, 0.1)):
+        spiked, without = _at_rest(), _at_rest()
+        assert spiked.observe(0.04, *wrong, *VARIANCES).rejected
+        without.observe(0.04, NAN, NAN, *VARIANCES)
+        for attitude in (spiked, without):
+            assert not attitude.observe(0.04, 0.0, 0.0, *VARIANCES).rejected
+        assert np.array_equal(spiked.x, without.x) and np.array_equal(spiked.P, without.P)
+        assert np.array_equal(spiked.levels, without.levels) and spiked.strain == without.strain
+    released = _at_rest()
+    refused = [released.observe(0.04, 0.5 * t * t, t, *VARIANCES).rejected for t in (0.04, 0.08, 0.12, 0.16)]
+    assert refused == [True, False, False, False]
+    assert released.x[1] == pytest.approx(0.16, rel=0.1)
 
 
 def test_a_rejected_sample_is_no_sample():

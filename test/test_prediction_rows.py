@@ -193,7 +193,7 @@ def test_over_a_silence_there_is_a_row_for_each_step_and_none_is_known(rate):
     np.testing.assert_allclose(values_of(known, OF_SAMPLE), motion(np.array([time for time, _ in known])), atol=1e-9)
 
 
-@pytest.mark.long
+@pytest.mark.release
 @pytest.mark.parametrize('lost', [1, 2])
 def test_after_lost_samples_of_a_buoy_forecasts_err_as_those_of_the_whole_record(lost):
     trial = read_trial(ROOT / 'records' / 'morro_buoy.csv').between(0.0, 240.0)

@@ -66,12 +66,14 @@ def test_the_true_motion_lies_in_the_intervals_of_the_shortest_leads(sample_rate
 def test_a_report_of_the_noise_holds_unless_the_readings_show_another(told, used):
     meter, rng = NoiseMeter(*RATE_NOISE), np.random.default_rng(2)
     for k in range(4000):
-        found = meter.checked(0.3 * np.sin(0.02 * k) + 2e-3 * rng.normal(), told**2)
+        found = meter.believed(told**2)
+        meter.take(0.3 * np.sin(0.02 * k) + 2e-3 * rng.normal())
     assert np.sqrt(found) == pytest.approx(used, rel=0.1)
 
 
 def test_motion_left_at_slow_sampling_is_no_noise_that_a_sensor_forgot_to_report():
     meter = NoiseMeter(*RATE_NOISE)
     for k in range(4000):
-        found = meter.checked(0.3 * np.sin(0.7 * k), 1e-6)
+        found = meter.believed(1e-6)
+        meter.take(0.3 * np.sin(0.7 * k))
     assert found == 1e-6

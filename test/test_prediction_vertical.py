@@ -129,7 +129,7 @@ def test_a_swell_of_few_waves_without_noise_is_not_weighed_by_what_rounding_left
     assert np.std(mean - heave[later + 10]) < 0.2 * heave.std()
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_windows_of_calm_are_calm(at_sea):
     trial, velocities, run = at_sea
     speed, told, kept = np.abs(velocities[1]), [], []

@@ -76,7 +76,7 @@ def test_identified_model_forecasts_and_simulates(folder, model, capsys):
     assert 'first overshoot' in capsys.readouterr().out
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_play_through_is_repeatable_and_right(folder, model, capsys):
     bag = folder / 'circle.mcap'
     swath('simulate', '--hull', 'wamv-vrx-old', '--test', 'turning-circle', '--output', bag)

@@ -500,7 +500,7 @@ def test_without_an_equation_one_hull_is_told_with_its_verdicts(at_two_speeds):
     assert not list(output.glob('tables/ranking*')) and not list(output.glob('tables/*every_equation*'))
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_each_speed_has_its_own_model_and_the_damping_its_dimensions(at_two_speeds):
     outcome, output = at_two_speeds
     assert [axis.axis for axis in outcome.axes] == ['pitch', 'pitch_2m_s']

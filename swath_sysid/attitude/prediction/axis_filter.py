@@ -102,8 +102,8 @@ class AxisFilter:
         hull = self.hull
         if not hull.is_started and angle != angle and rate != rate:
             return False, False
-        variances = self._variances(angle, rate, reported, even)
-        unmeasured = self.unmeasured
+        variances = self._variances(reported)
+        measured, unmeasured = (angle, rate), self.unmeasured
         unmeasured.take(angle, rate, elapsed)
         if unmeasured.is_missing:
             rate -= unmeasured.bias
@@ -112,19 +112,24 @@ class AxisFilter:
             of_angle, of_rate = variances
             if not even and elapsed > self._agreement.span:
                 self._agreement.restart()
-            of_rate += self._agreement.take(elapsed, angle, rate, of_angle, of_rate)
+            white = of_angle, of_rate
+            of_rate += self._agreement.excess(elapsed)
             self.noise_to_hull = of_angle, of_rate
+            seen = angle, rate
             if unmeasured.is_missing and elapsed > 0.0:
                 of_rate += unmeasured.rate_noise(elapsed, comes_back=hull.model is not None)
                 if hull.model is None and unmeasured.is_unknown:
                     angle, of_angle = unmeasured.level, unmeasured.angle_noise(elapsed)
             observed = hull.observe(elapsed, angle, rate, of_angle, of_rate)
             rejected, restarted = observed.rejected, observed.restarted
+            # what is rejected leaves no mark
+            self._agreement.take(elapsed, *((math.nan, math.nan) if rejected else seen), *white)
             if self.identified is not None and (observed.surprised or restarted):
                 self.rows_since_surprise = 0
         else:
             self._agreement.restart()
             hull.start(angle, rate, *variances)
+        self._learn_noise(*((math.nan, math.nan) if rejected else measured), even)
         self.size.follow(*self.motion, elapsed)
         return rejected, restarted
 
@@ -167,15 +172,18 @@ class AxisFilter:
             )
         return tuple(found)
 
-    def _variances(self, angle: float, rate: float, reported: Sequence[float], even: bool):
+    def _variances(self, reported: Sequence[float]):
         """Noise variances that the sensor reports, where they are not clearly wrong, or else measured ones."""
         of_angle, of_rate = self._meters
-        if not even:
-            of_angle.restart()
-            of_rate.restart()
-        self.known_noise = of_angle.checked(angle, reported[0]), of_rate.checked(rate, reported[1])
+        self.known_noise = of_angle.believed(reported[0]), of_rate.believed(reported[1])
         self.noise = self.known_noise[0] or of_angle.variance, self.known_noise[1] or of_rate.variance
         return self.noise
+
+    def _learn_noise(self, angle: float, rate: float, even: bool):
+        for meter, value in zip(self._meters, (angle, rate), strict=True):
+            if not even:
+                meter.restart()
+            meter.take(value)
 
 
 class Reach:
@@ -328,14 +336,10 @@ class NoiseMeter:
         average += (square - average) / self._count
         return average if average > self._floor else self._floor
 
-    def checked(self, value: float, reported: float) -> float:
-        """Add the next value; the variance reported, or measured where that shows for certain that it is another.
-
-        Zero where none is reported.
-        """
+    def believed(self, reported: float) -> float:
+        """The variance reported, or measured where that is certainly another; zero: none is reported."""
         if self._count == _FIRST and reported > 0.0:
             self._average = self._finer = reported
-        self.take(value)
         if not reported > 0.0:
             return 0.0
         if self._count < _MEMORY:
@@ -371,16 +375,13 @@ class AgreementMeter:
         self._rate = math.nan
         self._time = self._integral = 0.0
 
-    def take(self, elapsed: float, angle: float, rate: float, angle_variance: float, rate_variance: float) -> float:
-        """Additional variance, rad^2/s^2, after the next sample; zero where angle and rate agree within their noise.
-
-        Elapsed s, angle, rad, and rate, rad/s (NaN: not measured), and variances of their white noise.
-        """
+    def take(self, elapsed: float, angle: float, rate: float, angle_variance: float, rate_variance: float) -> None:
+        """Add elapsed s, angle, rad, and rate, rad/s (NaN: not measured), and variances of their white noise."""
         change = rate - self._rate
         if change != change or angle != angle:
             self.restart()
             self._rate = rate
-            return self._excess(elapsed)
+            return
         self._rate = rate
         self._time += elapsed
         self._integral += elapsed * (rate - 0.5 * change)
@@ -398,9 +399,9 @@ class AgreementMeter:
             square = (departure - past[0][1]) ** 2
             self._square += gain * (square - self._square)
             self._chance += gain * (chance - self._chance)
-        return self._excess(elapsed)
 
-    def _excess(self, elapsed: float):
+    def excess(self, elapsed: float) -> float:
+        """Additional variance, rad^2/s^2, of a rate after the elapsed s; zero where both agree within their noise."""
         if self._seconds < 10.0 * self.span or self._square < _BEYOND_CHANCE * self._chance:
             return 0.0
         return (self._square - self._chance) / (self.span * elapsed)

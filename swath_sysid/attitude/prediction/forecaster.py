@@ -228,8 +228,13 @@ class Forecaster:
             self._break_off()
             self._first = sample
         sample = self._without_frozen_angles(sample, self._sampled.elapsed)
-        reasons = (STEPPED,) if is_step else ()
-        reasons += self._follow_axes(sample, self._sampled, linked)
+        reasons: tuple[str, ...] = (STEPPED,) if is_step else ()
+        refused = self._follow_axes(sample, self._sampled, linked)
+        for name, reason in refused.items():
+            reasons += (f'{reason}-{name}',)
+            if reason == 'outlier':
+                # whatever follows takes it for missing
+                sample = _without_axis(sample, name)
         # the heading is not forecast: the last one measured is held
         yaw, yaw_rate = self._heading
         self._heading = (
@@ -299,8 +304,9 @@ class Forecaster:
         return sample if angles == [sample.roll, sample.pitch] else sample._replace(roll=roll, pitch=pitch)
 
     def _follow_axes(self, sample: CraftSample, sampled: Sampled, linked: bool):
+        """What was refused, by axis: samples as outliers, or what the filter had held for true before."""
         elapsed, even = sampled.elapsed, sampled.intervals == 1
-        reasons: tuple[str, ...] = ()
+        refused: dict[str, str] = {}
         if any(axis.unmeasured.is_unknown for axis in self._axes.values()):
             self._gravity.take(_force_of(sample), elapsed, self._scale.period)
             levels = self._gravity.levels(self._scale.period)
@@ -308,14 +314,12 @@ class Forecaster:
                 axis.unmeasured.know_level(*level)
         for name, axis in self._axes.items():
             angle, rate, *reported = _OF_AXIS[name](sample)
-            if axis.reach is not None:
-                axis.reach.add(sample.stamp, angle)
             rejected, restarted = axis.follow(angle, rate, reported, elapsed, linked, even)
-            if rejected:
-                reasons += (f'outlier-{name}',)
-            elif restarted:
-                reasons += (f'gate-restarted-{name}',)
-        return reasons
+            if axis.reach is not None and not rejected:
+                axis.reach.add(sample.stamp, angle)
+            if rejected or restarted:
+                refused[name] = 'outlier' if rejected else 'gate-restarted'
+        return refused
 
     # -- rows
 
@@ -570,6 +574,13 @@ class Forecaster:
             whole, _ = self._up_to(math.inf, self._bank, 0, True)
             self._valid_leads.assess(whole and whole.chosen(self._over_horizon))
         return replace(state, valid_leads=self._valid_leads.newest or {})
+
+
+def _without_axis(sample: CraftSample, axis: str) -> CraftSample:
+    """The sample with angle and rate of an axis not measured."""
+    if axis == AXES[0]:
+        return sample._replace(roll=math.nan, roll_rate=math.nan)
+    return sample._replace(pitch=math.nan, pitch_rate=math.nan)
 
 
 def _places_of(wanted: np.ndarray, leads: np.ndarray):

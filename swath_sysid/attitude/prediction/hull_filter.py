@@ -205,7 +205,8 @@ class HullFilter:
         self.is_started = self.is_free = False
         self.rejections = 0
         self._may_learn = True
-        self._quiet = self._evidence = self._since_level = 0.0
+        self._quiet = self._evidence = self._since_level = self._since_used = 0.0
+        self._since_jump = math.inf
         self._gates = [math.inf, *(float(chdtri(m, s.gate_probability)) for m in (1, 2))]
         self._recent: deque = deque(maxlen=RECENT)
         self.period = USUAL_PERIOD  #: s; of the motion.
@@ -375,7 +376,7 @@ class HullFilter:
             self._set_level(0, max(self.levels[0], 1.0))
         self.driven.set_part(slice(HULL_STATES, None), 0.0, self.driven.moment[2])
         self.is_started, self.is_free = True, False
-        self.rejections = 0
+        self.rejections, self._since_used = 0, 0.0
         self._challenge()
 
     def observe(
@@ -387,18 +388,18 @@ class HullFilter:
         tracks = [driven, free] if self.is_known else [driven]
         for track in tracks:
             track.advance(elapsed)
+        self._since_used += elapsed
+        self._since_jump += elapsed
         if angle != angle and rate != rate:
             return Observed()
+        if self._is_outlier(values, variances):
+            return self._refuse(angle, rate, angle_variance, rate_variance)
+        since, self._since_used, self.rejections = self._since_used, 0.0, 0
         for track in tracks:
             track.update(values, variances, self.learns_hull and track is self.active)
-        if self.active.is_outlier(self._gates, elapsed, math.sqrt(self.moments[0].variance)):
-            for track in tracks:
-                track.undo_update()
-            return self._refuse(angle, rate, angle_variance, rate_variance)
-        self.rejections = 0
         surprised = driven.strain > HEALTHY_STRAIN
         if surprised:
-            self._something_new(rate == rate, elapsed)
+            self._something_new(rate == rate, since)
         if self.is_known:
             for_free = free.log_likelihood - driven.log_likelihood
             surprised = self._weigh(for_free) or (surprised and not self.is_free)
@@ -410,6 +411,21 @@ class HullFilter:
                 self._judge_levels(self._since_level)
             self._since_level = 0.0
         return Observed(surprised=surprised)
+
+    def _is_outlier(self, values: tuple[float, float], variances: tuple[float, float]):
+        """Whether a sample is beyond its gate; what a jump of the moment explains needs a second sample that says so.
+
+        For a radian of the motion after a jump, others may follow it.
+        """
+        gate, least = self._gates[sum(value == value for value in values)], math.sqrt(self.moments[0].variance)
+        if self.active.nis(values, variances) <= gate:
+            return False
+        if self.active.nis_after_jump(values, variances, self._since_used, least) > gate:
+            return True
+        if not self.rejections and self._since_jump > self.period / math.tau:
+            return True
+        self._since_jump = 0.0
+        return False
 
     def _weigh(self, for_free: float):
         """Wald's sequential test (1945, Ann. Math. Stat. 16, 117) of the active track; whether the other takes over.
@@ -442,6 +458,7 @@ class HullFilter:
     def _refuse(self, angle: float, rate: float, angle_variance: float, rate_variance: float):
         self.rejections += 1
         if self.rejections < self.settings.gate_patience:
+            self._recent[-1] = (self._recent[-1][0], math.nan, math.nan, angle_variance, rate_variance)
             return Observed(rejected=True)
         self.start(angle, rate, angle_variance, rate_variance)
         if self.model is not None:

@@ -5,7 +5,6 @@ in place.
 """
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -352,13 +351,13 @@ class HullTrack(ExtendedKalmanFilter):
         """
         angle, rate = values
         measured = slice(int(angle != angle), 1 + int(rate == rate))
-        self.H, self.x_prior, self.P_prior = self._rows[measured], self.x, self.P
+        self.H, of_hull = self._rows[measured], (self.x[OF_HULL], self.P[OF_HULL, OF_HULL])
         self._noise[0, 0] = max(variances[0], LEAST_NOISE_VARIANCE)
         self._noise[1, 1] = max(variances[1], LEAST_NOISE_VARIANCE)
         self.R = self._noise[measured, measured]
         super().update(np.array(values[measured]), lambda _: self.H, lambda x: x[measured])
         if not learns:
-            self.x[OF_HULL], self.P[OF_HULL, OF_HULL] = self.x_prior[OF_HULL], self.P_prior[OF_HULL, OF_HULL]
+            self.x[OF_HULL], self.P[OF_HULL, OF_HULL] = of_hull
         self.strain += STRAIN_GAIN * (self.mahalanobis**2 / self.y.size - self.strain)
 
     @property
@@ -368,24 +367,30 @@ class HullTrack(ExtendedKalmanFilter):
         determinant = s(0) if count == 1 else s(0) * s(3) - s(1) * s(2)
         return -0.5 * (self.mahalanobis**2 + math.log(determinant) + count * math.log(2.0 * math.pi))
 
-    def is_outlier(self, gates: Sequence[float], elapsed: float, min_jump: float) -> bool:
-        """Whether the last update's NIS exceeds its gate, by the number of values, ``elapsed`` s after the one before.
+    def nis(self, values: Pair, variances: Pair) -> float:
+        """Squared innovation over its expectation of a sample, of which one may be NaN; the prediction stays."""
+        (angle, rate), (of_angle, of_rate) = values, (max(each, LEAST_NOISE_VARIANCE) for each in variances)
+        y, z = angle - self.x.item(0), rate - self.x.item(1)
+        a, b, c = self.P.item(0, 0) + of_angle, self.P.item(0, 1), self.P.item(1, 1) + of_rate
+        if angle != angle:
+            return z * z / c
+        return y * y / a if rate != rate else (c * y * y - 2.0 * b * y * z + a * z * z) / (a * c - b * b)
 
-        The moment may have jumped in that time, as at a release, by about the hull's: a variance of rank one.
+    def nis_after_jump(self, values: Pair, variances: Pair, elapsed: float, min_jump: float) -> float:
+        """As `nis`, if the moment may have jumped in the ``elapsed`` s before.
+
+        As at a release, by about the hull's: a variance of rank one (Sherman and Morrison 1950).
         """
-        nis, gate = self.mahalanobis**2, gates[self.y.size]
-        if nis <= gate:
-            return False
-        active, friction_rate = self.hull
-        mean, ratios = self.x_prior, self.x_prior[RATIOS:HULL_STATES]
-        moment, rate = float(self.moment[1] @ mean[HULL_STATES:]), float(mean[RATE])
-        own = damping_moment(rate, ratios, active, friction_rate)
-        own += restoring_moment(float(mean[ANGLE] - mean[TRIM]), ratios, active)
-        jump = min(2.0 * (min_jump + abs(moment) + abs(rate) + abs(own)), LARGEST_JUMP * min_jump)
-        by_jump = self.H[:, :TRIM] @ [0.5 * elapsed * elapsed * jump, elapsed * jump]
-        share = self.SI @ by_jump
-        return nis - float(share @ self.y) ** 2 / (1.0 + float(share @ by_jump)) > gate  # Sherman and Morrison (1950)
-
-    def undo_update(self) -> None:
-        """Back to the prediction: the last sample is not used."""
-        self.x, self.P = self.x_prior, self.P_prior
+        angle, rate = values
+        measured = slice(int(angle != angle), 1 + int(rate == rate))
+        noise = np.diag(np.maximum(variances, LEAST_NOISE_VARIANCE))
+        spread = (self.P[:TRIM, :TRIM] + noise)[measured, measured]
+        (active, friction_rate), ratios = self.hull, self.x[RATIOS:HULL_STATES]
+        moment, turning = float(self.moment[1] @ self.x[HULL_STATES:]), float(self.x[RATE])
+        own = damping_moment(turning, ratios, active, friction_rate)
+        own += restoring_moment(float(self.x[ANGLE] - self.x[TRIM]), ratios, active)
+        jump = min(2.0 * (min_jump + abs(moment) + abs(turning) + abs(own)), LARGEST_JUMP * min_jump)
+        by_jump = np.array([0.5 * elapsed * elapsed * jump, elapsed * jump])[measured]
+        share = np.linalg.solve(spread, by_jump)
+        of_jump = float(share @ (np.array(values) - self.x[:TRIM])[measured])
+        return self.nis(values, variances) - of_jump**2 / (1.0 + float(share @ by_jump))
