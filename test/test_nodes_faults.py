@@ -21,6 +21,7 @@ OF_THE_MACHINE = {'late-fit', 'passed-over', 'sensor-silent'}
 """What a machine that is slow enough does to good data."""
 
 SECOND = 10**9
+PATIENT = 10  #: Times that a fault is sent to nodes which are behind.
 
 
 class Craft:
@@ -92,14 +93,17 @@ FAULTS = {
 def test_a_fault_is_counted_and_good_data_are_forecast_again_within_a_second(craft, name):
     fault, reason = FAULTS[name]
     craft.good()
-    before = craft.counts()
-    if isinstance(fault, dict):
-        craft.bad(**fault)
-    else:
-        fault(craft)
-    craft.good()
-    craft.bench.wait_for_forecast_after(craft.stamp)
-    after = craft.counts()
+    for _ in range(PATIENT):
+        before = craft.counts()
+        if isinstance(fault, dict):
+            craft.bad(**fault)
+        else:
+            fault(craft)
+        craft.good()
+        craft.bench.wait_for_forecast_after(craft.stamp)
+        after = craft.counts()
+        if after['predictor'].get(BEHIND) == before['predictor'].get(BEHIND):
+            break  # else a busy machine may have left out the one that is wrong
     for node in ('imu_buffer', 'predictor'):
         if node == 'predictor' or name != 'shock':
             assert after[node][reason] > before[node][reason], node
