@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from repository import ROOT
 
 from swath_sysid.attitude.motion.intake import CraftSample
@@ -140,6 +142,23 @@ def test_a_row_without_a_sample_is_missing_and_the_others_are_measured(rate, los
     assert lost - (samples > 1) <= np.count_nonzero(~is_known) / gaps.size <= lost + (samples > 1)
     found = values_of([row for row, known in zip(rows, is_known, strict=True) if known], OF_SAMPLE)
     np.testing.assert_allclose(found, motion(at[is_known]), atol=1e-9 if samples == 1 else 2e-3)
+
+
+@example(rate=100.0, bursts=[(23, 1), (10, 1)])
+@given(rate=st.sampled_from([30.0, 100.0, 200.0]), bursts=st.lists(st.tuples(st.integers(1, 200), st.integers(1, 12))))
+def test_rows_stay_whole_steps_apart_whatever_is_lost_how_soon_after_another_loss(rate, bursts):
+    clock, times = RowClock(), clock_ticks(rate, round(4.0 * rate))
+    kept, begin = np.ones(times.size, dtype=bool), round(1.5 * rate)
+    for lost, between in bursts:
+        kept[begin : begin + lost] = False
+        begin += lost + between
+    rows = rows_of(clock, times[kept])
+    assert np.diff([time for time, _ in rows]) == pytest.approx(clock.step)
+    known = [(time, row) for time, row in rows if row is not None]
+    error = np.abs(values_of(known, OF_SAMPLE) - motion(np.array([time for time, _ in known]))).max(axis=0)
+    longest, w = clock.longest_filled + clock.step, 2.0 * math.pi / USUAL_PERIOD
+    assert (error[:2] <= longest**4 / 384.0 * w**4 * SIZE).all()
+    assert (error[2:] <= longest**2 / 8.0 * w**3 * SIZE).all()
 
 
 @pytest.mark.parametrize('rate', [30.0, 100.0])

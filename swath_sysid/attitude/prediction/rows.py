@@ -142,16 +142,20 @@ class RowClock:
 
     def restart(self) -> None:
         """Forget the samples since the newest row: the next sample is a row."""
-        self._ticks, self._lag = self.samples - 1, 0.0
-        self._newest = self._values = [math.nan] * len(CHANNELS)
+        self._ticks = self.samples - 1
+        self._newest = [math.nan] * len(CHANNELS)
         self._filtered: list[float] = []
         self._stands_in: Sequence[bool] = ()
-        self._clear_block()
+        self._forget_block()
 
     def pause(self) -> None:
         """Forget the samples since the newest row: the next row is of a whole number of samples yet to come."""
         self.restart()
         self._ticks = 0
+
+    def _forget_block(self):
+        self._lag, self._values = 0.0, [math.nan] * len(CHANNELS)
+        self._clear_block()
 
     def _clear_block(self):
         self._sums, self._counts = [0.0] * len(ATTITUDE), [0] * len(ATTITUDE)
@@ -234,6 +238,7 @@ class RowClock:
         before, self._newest = self._newest, list(_channels_of(sample))
         angles_and_rates = zip(*(motion or _UNKNOWN for motion in filtered), strict=True)
         filtered_before, self._filtered = self._filtered, list(chain.from_iterable(angles_and_rates))
+        filtered_before = filtered_before or self._filtered
         if abs(self.interval / self._tick - 1.0) < _NEW_STEP:
             shares = [(place + 1) / sampled.intervals for place in range(sampled.intervals)]
             elapsed = sampled.intervals * self._tick
@@ -243,12 +248,12 @@ class RowClock:
             self._lag = self._lag + elapsed - ticks * self._tick
             shares = [min((first + place * self._tick) / elapsed, 1.0) for place in range(ticks)]
         if elapsed > max(self.longest_filled, 1.5 * self.interval):
-            return self._after_gap(before, filtered_before or self._filtered, elapsed)
+            return self._after_gap(before, filtered_before, elapsed)
         rows: list[tuple[float, list[float] | None]] = []
         for share in shares:
             if share < 1.0:
                 values = _between(before, self._newest, share, elapsed)
-                motion = _between(filtered_before or self._filtered, self._filtered, share, elapsed)
+                motion = _between(filtered_before, self._filtered, share, elapsed)
             else:
                 values, motion = self._newest, self._filtered
             if self._is_row(values):
@@ -263,27 +268,23 @@ class RowClock:
         Of that, the sample at its end tells, or a line over two steps at most.
         """
         ticks = max(round(self._ticks + elapsed / self._tick), 1)
-        newest, filtered, stands_in = self._newest, self._filtered, self._stands_in
         is_at_end = ticks % self.samples == 0 and elapsed < self.period / math.tau
         is_told = is_at_end or elapsed < self.longest_filled + self.step
         # else the row to come is of as many samples as any: fewer are less smooth
-        count = ticks // self.samples if is_told else math.ceil((ticks - 1) / self.samples)
+        count = (ticks - 1) // self.samples if is_told else math.ceil((ticks - 1) / self.samples)
         since = ticks - count * self.samples
-        self.restart()
         rows: list[tuple[float, list[float] | None]] = [
             ((ticks - (place + 1) * self.samples) * self._tick, None) for place in range(count)
         ]
-        self._stands_in = stands_in
-        if is_told:
-            share = 1.0 - since * self._tick / elapsed
-            values = _between(before, newest, share, elapsed) if since else newest
+        self._forget_block()
+        if is_told and count and since < self.samples:
+            share, self._ticks = 1.0 - since * self._tick / elapsed, self.samples - 1
+            values = _between(before, self._newest, share, elapsed)
             self._is_row(values)
-            rows[-1] = since * self._tick, self._row(values, _between(filtered_before, filtered, share, elapsed))
-        self._newest, self._filtered, self._ticks = newest, filtered, since - 1
-        if since == 0 and is_told:
-            self._ticks = 0
-        elif self._is_row(newest):
-            rows.append((0.0, self._row(newest, filtered)))
+            rows[-1] = since * self._tick, self._row(values, _between(filtered_before, self._filtered, share, elapsed))
+        self._ticks = since - 1
+        if self._is_row(self._newest):
+            rows.append((0.0, self._row(self._newest, self._filtered)))
         return rows
 
     def _is_row(self, values: Sequence[float]) -> bool:
