@@ -112,7 +112,6 @@ class AxisFilter:
             of_angle, of_rate = variances
             if not even and elapsed > self._agreement.span:
                 self._agreement.restart()
-            white = of_angle, of_rate
             of_rate += self._agreement.excess(elapsed)
             self.noise_to_hull = of_angle, of_rate
             seen = angle, rate
@@ -123,7 +122,7 @@ class AxisFilter:
             observed = hull.observe(elapsed, angle, rate, of_angle, of_rate)
             rejected, restarted = observed.rejected, observed.restarted
             # what is rejected leaves no mark
-            self._agreement.take(elapsed, *((math.nan, math.nan) if rejected else seen), *white)
+            self._agreement.take(elapsed, *((math.nan, math.nan) if rejected else seen), *variances)
             if self.identified is not None and (observed.surprised or restarted):
                 self.rows_since_surprise = 0
         else:

@@ -228,13 +228,8 @@ class Forecaster:
             self._break_off()
             self._first = sample
         sample = self._without_frozen_angles(sample, self._sampled.elapsed)
-        reasons: tuple[str, ...] = (STEPPED,) if is_step else ()
-        refused = self._follow_axes(sample, self._sampled, linked)
-        for name, reason in refused.items():
-            reasons += (f'{reason}-{name}',)
-            if reason == 'outlier':
-                # whatever follows takes it for missing
-                sample = _without_axis(sample, name)
+        sample, refused = self._follow_axes(sample, self._sampled, linked)
+        reasons = ((STEPPED,) if is_step else ()) + refused
         # the heading is not forecast: the last one measured is held
         yaw, yaw_rate = self._heading
         self._heading = (
@@ -304,9 +299,9 @@ class Forecaster:
         return sample if angles == [sample.roll, sample.pitch] else sample._replace(roll=roll, pitch=pitch)
 
     def _follow_axes(self, sample: CraftSample, sampled: Sampled, linked: bool):
-        """What was refused, by axis: samples as outliers, or what the filter had held for true before."""
+        """The sample as it is used from now on, what was rejected as not measured, and the reasons."""
         elapsed, even = sampled.elapsed, sampled.intervals == 1
-        refused: dict[str, str] = {}
+        reasons: tuple[str, ...] = ()
         if any(axis.unmeasured.is_unknown for axis in self._axes.values()):
             self._gravity.take(_force_of(sample), elapsed, self._scale.period)
             levels = self._gravity.levels(self._scale.period)
@@ -315,11 +310,15 @@ class Forecaster:
         for name, axis in self._axes.items():
             angle, rate, *reported = _OF_AXIS[name](sample)
             rejected, restarted = axis.follow(angle, rate, reported, elapsed, linked, even)
-            if axis.reach is not None and not rejected:
+            if rejected:
+                reasons += (f'outlier-{name}',)
+                sample = _without_axis(sample, name)
+                continue
+            if axis.reach is not None:
                 axis.reach.add(sample.stamp, angle)
-            if rejected or restarted:
-                refused[name] = 'outlier' if rejected else 'gate-restarted'
-        return refused
+            if restarted:
+                reasons += (f'gate-restarted-{name}',)
+        return sample, reasons
 
     # -- rows
 

@@ -417,9 +417,10 @@ class HullFilter:
 
         For a radian of the motion after a jump, others may follow it.
         """
-        gate, least = self._gates[sum(value == value for value in values)], math.sqrt(self.moments[0].variance)
+        gate = self._gates[sum(value == value for value in values)]
         if self.active.nis(values, variances) <= gate:
             return False
+        least = math.sqrt(self.moments[0].variance)
         if self.active.nis_after_jump(values, variances, self._since_used, least) > gate:
             return True
         if not self.rejections and self._since_jump > self.period / math.tau:

@@ -276,6 +276,12 @@ def limit(covariance: np.ndarray) -> None:
                 covariance[k, place] *= shrink
 
 
+def _measured(values: Pair) -> slice:
+    """The places of those of angle and rate that are measured, not NaN."""
+    angle, rate = values
+    return slice(int(angle != angle), 1 + int(rate == rate))
+
+
 class HullTrack(ExtendedKalmanFilter):
     """filterpy's filter, moved on by the functions above; each call passes the elapsed time.
 
@@ -349,8 +355,7 @@ class HullTrack(ExtendedKalmanFilter):
         Trim and ratios that are not learnt are considered (Schmidt 1966): they are put back, and their uncertainty
         still counts.
         """
-        angle, rate = values
-        measured = slice(int(angle != angle), 1 + int(rate == rate))
+        measured = _measured(values)
         self.H, of_hull = self._rows[measured], (self.x[OF_HULL], self.P[OF_HULL, OF_HULL])
         self._noise[0, 0] = max(variances[0], LEAST_NOISE_VARIANCE)
         self._noise[1, 1] = max(variances[1], LEAST_NOISE_VARIANCE)
@@ -381,8 +386,7 @@ class HullTrack(ExtendedKalmanFilter):
 
         As at a release, by about the hull's: a variance of rank one (Sherman and Morrison 1950).
         """
-        angle, rate = values
-        measured = slice(int(angle != angle), 1 + int(rate == rate))
+        measured = _measured(values)
         noise = np.diag(np.maximum(variances, LEAST_NOISE_VARIANCE))
         spread = (self.P[:TRIM, :TRIM] + noise)[measured, measured]
         (active, friction_rate), ratios = self.hull, self.x[RATIOS:HULL_STATES]
