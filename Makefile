@@ -36,7 +36,7 @@ test-long: $(TESTS_READY)
 
 # what is measured over many draws: half an hour, before a release
 test-release: $(TESTS_READY)
-	$(BIN)/python -m pytest -n $(JOBS) --dist load --durations 30 -m release
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m release
 
 lint: $(TESTS_READY)
 	$(BIN)/ruff format --check
