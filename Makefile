@@ -34,7 +34,7 @@ test-long: $(TESTS_READY)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m long test/test_docs_*.py test/test_wings.py \
 	  $$(grep -rl --include='test_*.py' mark.long test | sort)
 
-# what is measured over many draws: half an hour, before a release
+# what is measured over many draws, before a release
 test-release: $(TESTS_READY)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m release
 
