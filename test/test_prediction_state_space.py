@@ -251,3 +251,18 @@ def test_a_break_in_the_motion_is_forgotten_though_a_channel_comes_with_every_ot
     for row in rows[102:]:
         ours.step(row)
     assert 0.3 < ours.strain < 3.0
+
+
+@pytest.mark.parametrize('turn', [30.0, -30.0])
+def test_a_channel_beyond_what_was_learnt_of_it_tells_the_targets_nothing(turn):
+    """Such as the yaw rate of a model from a straight course, once the craft turns."""
+    model = _model(6)
+    rows = _rows(model, 300)
+    turning, without = rows.copy(), rows.copy()
+    turning[250:, 2] += turn * model.scale[2] * np.minimum(0.05 * np.arange(1, 51), 1.0)
+    beyond = np.abs(turning[:, 2] - model.mean[2]) > 5.0 * model.scale[2]
+    without[250:, 2] = np.where(beyond[250:], np.nan, turning[250:, 2])
+    turned, unseen = (_filter(model, each, targets=('roll', 'pitch')) for each in (turning, without))
+    assert beyond[260:].all()
+    for ours, wanted in zip(turned.forecast([0.1, 0.5]), unseen.forecast([0.1, 0.5]), strict=True):
+        assert ours.tolist() == wanted.tolist()

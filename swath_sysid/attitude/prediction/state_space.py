@@ -26,6 +26,8 @@ STRAIN_TIME = 0.31  #: Periods over which the innovations of the targets are ave
 CONTRADICTED, _LASTING = 25.0, 3.0
 #: An error this many times (in variance) what was expected is not an innovation: the motion was broken off.
 BREAK = 400.0
+#: Standard deviations of the past beyond which what a channel tells of the targets, as in a turn, was never learnt.
+_LEARNT_UP_TO = 5.0
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,7 @@ class InnovationsFilter:
         self._strain_gain = min(1.0, model.step / strain_time)
         self._doubt_gain = min(1.0, model.step / (_LASTING * strain_time))
         self._largest = BREAK * np.diag(model.s)
+        self._learnt_up_to = np.where(self._watched, np.inf, _LEARNT_UP_TO)
         self._at: Any = np.array(steps, dtype=int)
         if self._at.size and self._at[-1] - self._at[0] == self._at.size - 1:
             # which takes no copy
@@ -144,7 +147,7 @@ class InnovationsFilter:
             watched = error[self._watched]
             self._follow_strain(float(watched @ self._precision @ watched) / watched.size)
             # false for NaN, too
-            if (error * error < self._largest).all():
+            if ((error * error < self._largest) & (np.abs(z) < self._learnt_up_to)).all():
                 self.state = following[z.size :] + self.model.k @ error
                 self._recent.append(z)
                 return
@@ -173,6 +176,12 @@ class InnovationsFilter:
         pc = self.state_covariance @ c.T
         v = c @ pc + m.s[np.ix_(seen, seen)]
         squares = error * error / np.diag(v)
+        is_unlearnt = ~self._watched[seen] & ((squares > BREAK) | (np.abs(z[seen]) > _LEARNT_UP_TO))
+        if is_unlearnt.any():
+            seen = seen.copy()
+            seen[seen] = ~is_unlearnt
+            self._update(z, seen)
+            return
         if (squares > BREAK).any() and self.state_covariance is not m.prior:
             self.state, self.state_covariance = np.zeros_like(self.state), m.prior
             self._update(z, seen)
