@@ -15,6 +15,7 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.rows import OF_CHANNELS, OF_MEANS, OF_SAMPLE, RowClock, Sampled
+from swath_sysid.attitude.prediction.stuck_channels import StuckChannels
 from swath_sysid.attitude.prediction.unmeasured_angle import (
     FORCE_STD,
     GYRO_BIAS_STD,
@@ -150,37 +151,58 @@ def test_a_level_that_gravity_tells_makes_the_intervals_narrower(sea):
     assert np.all(deviations[:, 0] < 0.6 * LEVEL_STD / sea.angle[:, 0].std())
 
 
-def followed(unmeasured, angles, rates, interval=0.05):
-    """The angles that are taken for measured ones."""
-    found = []
+def followed(angles, rates, interval=0.05, noise=(1e-7, 4e-6), bias=(0.0, GYRO_BIAS_STD**2)):
+    """The angles and rates that are taken for measured ones, and for how long one had been left out."""
+    stuck, found = StuckChannels(), []
     for angle, rate in zip(angles, rates, strict=True):
-        found.append(unmeasured.thawed(angle, rate, 4e-6, interval))
-        unmeasured.take(found[-1], rate, interval)
-    return np.array(found)
+        found.append((*stuck.take(angle, rate, noise, bias, interval), stuck.seconds()))
+    return np.array(found).T
 
 
-def test_an_angle_that_stands_still_while_the_craft_turns_goes_on_with_the_rate_and_is_lost_then():
-    time = 0.05 * np.arange(1400)
-    true, rates = 0.1 * np.sin(2.0 * time), 0.2 * np.cos(2.0 * time)
-    angles = np.where((time >= 40.0) & (time < 60.0), true[800], true)
-    found = followed(UnmeasuredAngle(WINDOW), angles, rates)
-    np.testing.assert_array_equal(found[:801], true[:801])
-    np.testing.assert_array_equal(found[1200:], true[1200:])
-    frozen = found[800:1200]
-    lost = np.isnan(frozen)
-    assert np.abs(frozen - true[800:1200])[~lost].max() < math.radians(3.5) and lost[25:].all()
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+@pytest.mark.parametrize('rounding', [0.0, 1e-12])
+def test_of_angle_and_rate_the_one_that_repeats_itself_is_left_out_while_it_does(sign, rounding):
+    time = 0.01 * np.arange(7000)
+    noise, computed = np.random.default_rng(3).normal(size=(2, time.size)), rounding * np.arange(time.size)
+    angles, rates = sign * 0.1 * np.sin(2.0 * time) + 3e-4 * noise[0], sign * 0.2 * np.cos(2.0 * time) + 2e-3 * noise[1]
+    stands_still = (time >= 40.0) & (time < 60.0)
+    for place, channels in enumerate(([np.where(stands_still, angles[4000], angles) + computed, rates],
+                                      [angles, np.where(stands_still, rates[4000], rates)])):  # fmt: skip
+        found = followed(*channels, 0.01, (9e-8, 4e-6), (0.0, 1e-6))
+        lost = np.isnan(found[place])
+        assert not np.isnan(found[1 - place]).any()
+        np.testing.assert_array_equal(lost[~stands_still], False)
+        assert lost[4040:6000].all()
+        assert found[2][5999] == pytest.approx(20.0, abs=0.02) and found[2][6000] == 0.0
 
 
-def test_a_rate_that_is_repeated_with_its_angle_leads_nowhere():
-    assert np.all(followed(UnmeasuredAngle(WINDOW), np.full(400, 0.02), np.full(400, 0.2)) == 0.02)
+def test_what_is_repeated_with_all_others_tells_nothing():
+    angles, rates, _ = followed(np.full(400, 0.02), np.full(400, 0.2))
+    assert np.all(angles == 0.02) and np.all(rates == 0.2)
     twice = np.repeat(0.2 * np.cos(0.1 * np.arange(400)), 2)
-    assert np.isnan(followed(UnmeasuredAngle(WINDOW), np.full(800, 0.02), twice, 0.025)[100:]).all()
+    assert np.isnan(followed(np.full(800, 0.02), twice, 0.025, bias=(0.0, 1e-6))[0][100:]).all()
+
+
+@pytest.mark.parametrize('step', [0.02, 0.002])
+def test_an_angle_of_a_coarse_sensor_is_none_that_is_stuck(step):
+    time = 0.05 * np.arange(2000)
+    angles = step * np.round(0.01 * np.sin(time) / step)
+    assert not np.isnan(followed(angles, 0.01 * np.cos(time))[0]).any()
 
 
 @given(bias=st.floats(-0.03, 0.03), seed=st.integers(0, 99))
 def test_an_angle_at_rest_is_one_also_by_a_sensor_that_repeats_it(bias, seed):
     rates = bias + np.random.default_rng(seed).normal(scale=2e-3, size=2000)
-    assert np.all(followed(UnmeasuredAngle(WINDOW), np.full(2000, 0.02), rates) == 0.02)
+    assert np.all(followed(np.full(2000, 0.02), rates)[0] == 0.02)
+
+
+@pytest.mark.parametrize('bias', [0.01, -0.01])
+def test_while_the_angle_is_measured_it_tells_the_rates_bias(bias):
+    unmeasured, time = UnmeasuredAngle(WINDOW), 0.05 * np.arange(1300)
+    angles, rates = 0.1 * np.sin(2.0 * time), bias + 0.2 * np.cos(2.0 * time)
+    for angle, rate in zip(angles, rates, strict=True):
+        unmeasured.take(angle, rate, 0.05)
+    assert abs(unmeasured.bias - bias) < 3.0 * math.sqrt(unmeasured.bias_variance) < 3e-3
 
 
 @pytest.mark.long

@@ -11,6 +11,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
 from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE, MEMORY_OF_SIZE, NOW, USUAL_PERIOD
 from swath_sysid.attitude.prediction.hull_watch import HullWatch
+from swath_sysid.attitude.prediction.stuck_channels import StuckChannels
 from swath_sysid.attitude.prediction.unmeasured_angle import UnmeasuredAngle
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import THREE_STD
@@ -52,7 +53,7 @@ class AxisFilter:
         self.rows_since_surprise = 10**9
         self._meters = NoiseMeter(*ANGLE_NOISE), NoiseMeter(*RATE_NOISE)
         self._agreement = AgreementMeter()
-        self.unmeasured = UnmeasuredAngle(memory)
+        self.unmeasured, self.stuck = UnmeasuredAngle(memory), StuckChannels()
 
     @property
     def motion(self) -> tuple[float, float]:
@@ -84,13 +85,15 @@ class AxisFilter:
         self.hull.set_period(min(period, natural))
         self.size.period = self._agreement.period = self.unmeasured.period = period
 
-    def thawed(self, angle: float, rate: float, elapsed: float) -> float:
-        """The next angle, rad, NaN where it has not moved although the craft has, as its rate, rad/s, tells."""
-        thawed = self.unmeasured.thawed(angle, rate, self.noise[1], elapsed)
-        if thawed != angle == angle:
-            # what it did not agree with was no angle
-            self._agreement = AgreementMeter(self._agreement.period)
-        return thawed
+    def without_stuck(self, angle: float, rate: float, elapsed: float) -> tuple[float, float]:
+        """Angle, rad, and rate, rad/s, after the elapsed s, NaN where one repeats itself while the other one moves."""
+        unmeasured = self.unmeasured
+        return self.stuck.take(angle, rate, self.noise, (unmeasured.bias, unmeasured.bias_variance), elapsed)
+
+    @property
+    def is_stuck(self) -> bool:
+        """Whether one of them has been left out for a radian of the motion."""
+        return self.stuck.seconds() > self._agreement.span
 
     def follow(
         self, angle: float, rate: float, reported: Sequence[float], elapsed: float, linked: bool, even: bool

@@ -253,9 +253,10 @@ class Bank:
             covariance[level, :, rate, rate] = (2.0 * math.pi / self._period * size.activity) ** 2
         # a period or more was missing until within the newest one
         self.blend.is_after_break = is_after_break = self._since_break * self._step < self._period
+        is_unseen = any(axis.unmeasured.is_missing and not axis.unmeasured.is_unknown for axis in self._axes)
         for space in self.spaces.values():
             # as far off as the innovations of a model that is accepted
-            space.doubt = HEALTHY_STRAIN if is_after_break else 1.0
+            space.doubt = HEALTHY_STRAIN if is_after_break or is_unseen else 1.0
         for name, candidate in self._on_rows.items():
             mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
         noise = self._present if self._clock.is_smoothed else self._noise

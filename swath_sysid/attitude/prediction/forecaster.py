@@ -227,7 +227,7 @@ class Forecaster:
         else:
             self._break_off()
             self._first = sample
-        sample = self._without_frozen_angles(sample, self._sampled.elapsed)
+        sample = self._without_stuck(sample, self._sampled.elapsed)
         sample, refused = self._follow_axes(sample, self._sampled, linked)
         reasons = ((STEPPED,) if is_step else ()) + refused
         # the heading is not forecast: the last one measured is held
@@ -288,15 +288,20 @@ class Forecaster:
         if self._calm is not None:
             self._calm.quiescence.clear()
 
-    def _without_frozen_angles(self, sample: CraftSample, elapsed: float):
-        """What a sensor repeats while its gyroscope turns is no angle."""
-        angles = []
+    def _without_stuck(self, sample: CraftSample, elapsed: float):
+        """The sample without what repeats itself while the craft moves."""
+        measured, used = [], []
         for name, axis in self._axes.items():
             angle, rate, *_ = _OF_AXIS[name](sample)
-            angles.append(axis.thawed(angle, rate, elapsed))
-        roll, pitch = angles
+            measured += [angle, rate]
+            used += axis.without_stuck(angle, rate, elapsed)
+        roll, roll_rate, pitch, pitch_rate = used
         # a copy costs more than a look
-        return sample if angles == [sample.roll, sample.pitch] else sample._replace(roll=roll, pitch=pitch)
+        return (
+            sample
+            if used == measured
+            else sample._replace(roll=roll, roll_rate=roll_rate, pitch=pitch, pitch_rate=pitch_rate)
+        )
 
     def _follow_axes(self, sample: CraftSample, sampled: Sampled, linked: bool):
         """The sample as it is used from now on, what was rejected as not measured, and the reasons."""
@@ -309,6 +314,8 @@ class Forecaster:
                 axis.unmeasured.know_level(*level)
         for name, axis in self._axes.items():
             angle, rate, *reported = _OF_AXIS[name](sample)
+            if axis.is_stuck:
+                reasons += (f'stuck-{name}',)
             rejected, restarted = axis.follow(angle, rate, reported, elapsed, linked, even)
             if rejected:
                 reasons += (f'outlier-{name}',)

@@ -158,7 +158,7 @@ class RowClock:
         self._clear_block()
 
     def _clear_block(self):
-        self._sums, self._counts = [0.0] * len(ATTITUDE), [0] * len(ATTITUDE)
+        self._sums, self._counts = [0.0] * len(ATTITUDE), [0] * len(CHANNELS)
 
     @property
     def interval(self) -> float:
@@ -289,11 +289,11 @@ class RowClock:
 
     def _is_row(self, values: Sequence[float]) -> bool:
         """Take the values one tick later; whether they are a row."""
-        for place in range(len(ATTITUDE)):
-            value = values[place]
+        for place, value in enumerate(values):
             if value == value:
-                self._sums[place] += value
                 self._counts[place] += 1
+                if place < len(ATTITUDE):
+                    self._sums[place] += value
         if self.is_smoothed:
             gain, smoothed = 2.0 / self.samples, self._values
             for place, value in enumerate(values):
@@ -311,12 +311,14 @@ class RowClock:
         return True
 
     def _row(self, values: Sequence[float], filtered: Sequence[float]) -> list[float]:
+        # what none of its samples has measured is missing in a row
+        self._values = [value if count else math.nan for value, count in zip(self._values, self._counts, strict=True)]
         channels = list(self._values)
         if self.is_smoothed:
             for place, value in enumerate(filtered):
                 if value == value and channels[place] == channels[place]:
                     channels[place] = value
-        means = [total / count if count else math.nan for total, count in zip(self._sums, self._counts, strict=True)]
+        means = [total / count if count else math.nan for total, count in zip(self._sums, self._counts, strict=False)]
         self._clear_block()
         sampled = list(values[: len(ATTITUDE)])
         for angle, stands_in in enumerate(self._stands_in):

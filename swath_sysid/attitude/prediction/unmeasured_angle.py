@@ -4,11 +4,12 @@ import math
 from collections.abc import Sequence
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, tilt_angles
-from swath_sysid.attitude.motion.sensor_checks import GRAVITY_TOLERANCE, MIN_TURN
+from swath_sysid.attitude.motion.sensor_checks import GRAVITY_TOLERANCE
 from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE, MEMORY_OF_SIZE, NOW, USUAL_PERIOD
-from swath_sysid.common.conventions import THREE_STD
 
-GYRO_BIAS_STD = 0.03  #: rad/s; of an inexpensive gyroscope.
+#: rad/s, and rad/s/sqrt(s): the bias of an inexpensive gyroscope, and its random walk.
+GYRO_BIAS_STD, GYRO_BIAS_WALK = 0.03, 1e-4
+ANGLE_STD = 0.005  #: rad; of a measured angle while the craft moves: its filter's lag, mostly.
 LEVEL_STD = 0.05  #: rad; of a craft's trim and a sensor's mounting.
 FORCE_STD = 0.02  #: rad; of the direction of a mean force, by the bias of inexpensive accelerometers.
 _SLOWER = 2.0  #: Times as slow as the motion is what a mean still shows of it: groups of waves, a mooring.
@@ -78,9 +79,8 @@ class UnmeasuredAngle:
         self.level, self.level_variance = 0.0, LEVEL_STD**2  #: rad and its square.
         self._window, self._since = window, math.inf
         self._is_absent, self._newest = True, math.nan
-        self._told = self._told_rate = math.nan
-        self._still = self._turned = self._certain = self._repeated = 0.0  # s, rad, s, s
-        self._angle_time, self._rate = 0.0, RunningMean()
+        self._before = math.nan
+        self._angle_time, self._rate, self._departure = 0.0, RunningMean(), RunningMean()
 
     def know_level(self, level: float, variance: float) -> None:
         """Take what gravity tells of the level, rad, and its variance, where the angle has never told it."""
@@ -111,31 +111,17 @@ class UnmeasuredAngle:
             self.level += (elapsed / self._angle_time if self._angle_time else 1.0) * (angle - self.level)
         if rate == rate and elapsed > 0.0:
             self._rate.take(rate, elapsed, self.period)
-            of_motion = self._rate.variance(self.period)
-            share = GYRO_BIAS_STD**2 / (GYRO_BIAS_STD**2 + of_motion)
-            self.bias, self.bias_variance = share * self._rate.mean, share * of_motion
-
-    def thawed(self, angle: float, rate: float, rate_variance: float, elapsed: float) -> float:
-        """An angle, rad; NaN where it is that of the sample before, the elapsed s ago, although the craft has turned.
-
-        As far as the rate, rad/s, its bias and its white noise tell. Once that is certain, the angle is what the rate
-        has led to: what follows it has taken the other one for true.
-        """
-        if angle != self._told:
-            self._told, self._told_rate = angle, rate
-            self._still = self._turned = self._certain = self._repeated = 0.0
-            return angle
-        self._still += elapsed
-        self._repeated += elapsed
-        # a rate that is itself repeated tells nothing
-        if rate == rate != self._told_rate:
-            self._turned += self._repeated * (rate - self.bias)
-            self._told_rate, self._repeated = rate, 0.0
-        doubt = self._still * (self.bias_variance * self._still + rate_variance * elapsed)
-        if not self._certain and not self._turned**2 > MIN_TURN**2 + THREE_STD**2 * doubt:
-            return angle
-        self._certain += elapsed
-        return angle + self._turned if self._certain < self.period / math.tau else math.nan
+            slope = (angle - self._before) / elapsed
+            if slope == slope:
+                self._departure.take(rate - slope, elapsed, self.period)
+            mean, variance = self._rate.mean, self._rate.variance(self.period)
+            if of_angles := self._departure.time:
+                known = 2.0 * (ANGLE_STD / of_angles) ** 2 + GYRO_BIAS_WALK**2 * (of_angles + self._since)
+                if known < variance:
+                    mean, variance = self._departure.mean, known
+            share = GYRO_BIAS_STD**2 / (GYRO_BIAS_STD**2 + variance)
+            self.bias, self.bias_variance = share * mean, share * variance
+        self._before = angle
 
     def rate_noise(self, elapsed: float, comes_back: bool) -> float:
         """Variance, (rad/s)^2, of white noise that leads the angle as far as the bias may.
