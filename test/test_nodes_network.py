@@ -6,12 +6,21 @@ import pytest
 
 rclpy = pytest.importorskip('rclpy')
 
-from live_bench import Bench, start_node, start_together, stop, wait_for  # noqa: E402
+from live_bench import Bench, Spinning, start_node, start_together, stop, wait_for  # noqa: E402
 from package_process import ROOT  # noqa: E402
+from rclpy.serialization import serialize_message  # noqa: E402
 
-from swath_sysid.formats.topics import FRAMES_TOPIC  # noqa: E402
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings  # noqa: E402
+from swath_sysid.cli.run import _type_of  # noqa: E402
+from swath_sysid.formats.bag_replay import ReplaySettings  # noqa: E402
+from swath_sysid.formats.output_bag import Recording, offered_qos, writing_bag  # noqa: E402
+from swath_sysid.formats.topics import FRAMES_TOPIC, TYPES  # noqa: E402
+from swath_sysid.nodes.demo_monitor import Listener  # noqa: E402
 from swath_sysid.nodes.page_node import ASKED, PageNode  # noqa: E402
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, NODES  # noqa: E402
+from swath_sysid.nodes.qos import message_class  # noqa: E402
+from swath_sysid.nodes.record import Record  # noqa: E402
+from swath_sysid.nodes.replay import Replay  # noqa: E402
 
 pytestmark = pytest.mark.dds
 
@@ -21,6 +30,14 @@ RULES = (
     ('service', 'reply', 'service'),
     ('service', 'request', 'client'),
 )
+
+
+def policy():
+    return ElementTree.parse(ROOT / 'config' / 'sros2_policy.xml').getroot()
+
+
+def profile_of(node):
+    return policy().find(f".//profile[@node='{node}']")
 
 
 def allowed(profile):
@@ -42,9 +59,10 @@ def done(watcher, node):
     }
 
 
-@pytest.fixture(scope='module')
-def policy():
-    return ElementTree.parse(ROOT / 'config' / 'sros2_policy.xml').getroot()
+def kinds_of(node):
+    """The topics that a node may hear, with their types; without /tf, whose type PyPI lacks."""
+    heard = allowed(profile_of(node))['subscribe'] - {'/clock', FRAMES_TOPIC}
+    return {topic: _type_of(topic if topic in TYPES else topic.lstrip('/')) for topic in heard}
 
 
 @pytest.fixture(scope='module')
@@ -53,6 +71,9 @@ def watcher():
     bench, simulated = Bench(), ('-p', 'use_sim_time:=true')
     others = (start_node(node, *simulated) for node in NODES[len(ATTITUDE_NODES) :])
     processes = [start_together(*simulated), *others]
+    # what no node of ours publishes is recorded as well
+    for topic, kind in kinds_of('record').items():
+        bench.publisher(message_class(kind), topic)
     try:
         yield bench.node
     finally:
@@ -61,15 +82,16 @@ def watcher():
             stop(process)
 
 
-def test_the_policy_has_the_form_that_sros2_reads(policy):
-    assert policy.tag == 'policy' and policy.attrib == {'version': '0.2.0'}
-    profiles = policy.findall("enclaves/enclave[@path='/swath_sysid']/profiles/profile")
-    assert [profile.get('node') for profile in profiles] == [*NODES, 'page']
+def test_the_policy_has_the_form_that_sros2_reads_and_a_profile_of_all_that_we_start():
+    found = policy()
+    assert found.tag == 'policy' and found.attrib == {'version': '0.2.0'}
+    profiles = found.findall("enclaves/enclave[@path='/swath_sysid']/profiles/profile")
+    assert [profile.get('node') for profile in profiles] == [*NODES, *STARTED]
 
 
 @pytest.mark.parametrize('node', NODES)
-def test_the_policy_allows_what_a_node_does_and_no_more(node, policy, watcher):
-    expected = allowed(policy.find(f".//profile[@node='{node}']"))
+def test_the_policy_allows_what_a_node_does_and_no_more(node, watcher):
+    expected = allowed(profile_of(node))
     if node == 'predictor':
         # with frames_at_s, and with tf2_msgs, which PyPI lacks
         expected['publish'].remove(FRAMES_TOPIC)
@@ -81,20 +103,42 @@ def test_the_policy_allows_what_a_node_does_and_no_more(node, policy, watcher):
     assert done(watcher, node) == expected
 
 
+def page(folder):
+    node = PageNode(lambda line: None)
+    node._requests.get_parameters('predictor', ASKED, lambda *found: None)
+    for button in ('identify', 'cancel', 'rollback', 'undo_rollback', 'push', 'accept'):
+        node.press(button)
+    node._requests.carry_out()
+    return node
+
+
+def replay(folder):
+    """Of a bag that holds all that a recorder may record."""
+    with writing_bag(folder / 'all.mcap') as write:
+        for topic, kind in kinds_of('record').items():
+            write(topic, kind, 0, serialize_message(message_class(kind)()), [offered_qos(False, True)])
+    return Replay(folder / 'all.mcap', ReplaySettings(clock=True, in_step=True), lambda: False)
+
+
+STARTED = {
+    'page': page,
+    'record': lambda folder: Record(Recording(folder / 'all.mcap')),
+    'replay': replay,
+    'demo': lambda folder: Listener('roll', ForecasterSettings().leads),
+}
+
+
 @pytest.mark.long
-def test_the_policy_allows_what_the_page_does_and_no_more(policy):
-    bench = Bench()
-    rclpy.init()
-    page = PageNode(lambda line: None)
-    buttons = 'identify', 'cancel', 'rollback', 'undo_rollback', 'push', 'accept'
+@pytest.mark.parametrize('node', STARTED)
+def test_the_policy_allows_what_other_processes_of_ours_do_and_no_more(node, watcher, tmp_path):
+    expected = allowed(profile_of(node))
+    expected['subscribe'].discard(FRAMES_TOPIC)
+    rclpy.init(args=['--ros-args', '-p', 'use_sim_time:=true'] if node == 'record' else [])
+    spinning = Spinning(STARTED[node](tmp_path))
     try:
-        page._requests.get_parameters('predictor', ASKED, lambda *found: None)
-        for button in buttons:
-            page.press(button)
-        page._requests.carry_out()
-        expected = allowed(policy.find(".//profile[@node='page']"))
-        wait_for(lambda: done(bench.node, 'page') == expected, 'what the policy allows the page')
+        wait_for(lambda: done(watcher, node) == expected, f'what the policy allows {node}')
+    except AssertionError:
+        assert done(watcher, node) == expected
     finally:
-        page.destroy_node()
+        spinning.close()
         rclpy.try_shutdown()
-        bench.close()

@@ -11,10 +11,14 @@ WING = Wing(
         'manoeuvring_identifier': 'manoeuvring.nodes.identifier',
         'manoeuvring_predictor': 'manoeuvring.nodes.predictor',
     },
-    topics={PATH_TOPIC: PATH, LEADS: ODOMETRY},
+    topics={
+        PATH_TOPIC: PATH,
+        LEADS: ODOMETRY,
+        'manoeuvring/model': STRING,
+        'manoeuvring_identifier/progress': 'std_msgs/msg/Float32',
+    },
     other_types={
         'odometry': ODOMETRY,
-        'manoeuvring/model': STRING,
         'thrusters/left/thrust': 'std_msgs/msg/Float64',
         'thrusters/right/thrust': 'std_msgs/msg/Float64',
         'manoeuvring/future_thrust': 'std_msgs/msg/Float64MultiArray',
