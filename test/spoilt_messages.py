@@ -7,7 +7,7 @@ WHOLE = {'int8': (-(2**7), 2**7 - 1), 'uint8': (0, 2**8 - 1), 'int32': (-(2**31)
 NAN, INF = float('nan'), float('inf')
 VALUES = {
     **{kind: (*bounds, 1) for kind, bounds in WHOLE.items()},
-    'double': (NAN, INF, -INF, 0.0, -1.0, 1e30, -1.7e308),
+    'double': (NAN, INF, -INF, 0.0, -1.0, 5e-324, 1e30, -1.7e308),
     'float': (NAN, INF, -INF, 0.0, -1.0, 3e38),
     'boolean': (False, True),
     'octet': (b'\x00', b'\x07', b'\xff'),

@@ -1,6 +1,7 @@
 """The nodes' subscriptions take messages of which any field is spoilt, and good ones after them as before."""
 
 from itertools import count
+from math import sin
 
 import pytest
 
@@ -21,6 +22,7 @@ from swath_sysid.nodes.predictor import Predictor  # noqa: E402
 
 STEP_NS = 10_000_000
 SAMPLES = 300
+LAST_NS = 2**31 * 10**9 - 1  #: That a message can state, unlike what is forecast from it.
 
 
 @pytest.fixture
@@ -55,6 +57,8 @@ def test_a_sensor_of_which_any_field_is_spoilt_is_used_again_when_it_is_well(mad
         take(node, next(samples))
     for _, message in spoilt(next(samples)):
         take(node, message)
+    for k in range(SAMPLES):
+        take(node, imu_message(reading(LAST_NS - (SAMPLES - 1 - k) * STEP_NS, 0.05 * sin(0.02 * k))))
     before = used(node)
     for _ in range(SAMPLES):
         take(node, next(samples))

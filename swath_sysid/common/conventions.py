@@ -38,3 +38,6 @@ def percent(share: float | None, count: int = 3) -> str:
 
 
 LONGEST = 20  #: Models, or files of them, that are kept.
+
+#: A day before the last stamp that a message can state: what is forecast beyond must have one too.
+LATEST_STAMP_NS = (2**31 - 86_400) * 10**9

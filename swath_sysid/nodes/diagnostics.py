@@ -13,6 +13,21 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.formats.messages import diagnostics_message
 from swath_sysid.pipeline.health import OK, WARN, Changes, Report
 
+MOST_TOLD = 100  #: Sentences; in a flood of others the diagnostics show the newest.
+
+
+class EachOnce:
+    """Says each sentence once, however often a message is rejected for it."""
+
+    def __init__(self, say: Callable[[str], object]) -> None:
+        self._say = say
+        self._said: set[str] = set()
+
+    def __call__(self, sentence: str) -> None:
+        if sentence not in self._said and len(self._said) < MOST_TOLD:
+            self._said.add(sentence)
+            self._say(sentence)
+
 
 class DiagnosticsPublisher:
     """Publishes the reports of a node every ``period`` s, and logs what changes for the worse or the better."""

@@ -22,6 +22,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import coefficients_message, window_table
 from swath_sysid.formats.model_file import model_to_yaml, read_model, write_model
 from swath_sysid.formats.topics import COEFFICIENTS_TOPIC, DESCRIPTION_TOPIC, WINDOW_TOPIC
+from swath_sysid.nodes.diagnostics import EachOnce
 from swath_sysid.nodes.executor_loop import Plan
 from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
@@ -38,6 +39,7 @@ class WindowClient:
     def __init__(self, node: Node, service: str, health: IdentifierHealth, on_window: Callable[[MotionTable], None]):
         self.newest: MotionTable | None = None
         self._refused = ''  # why the last window was, if it was
+        self._log = EachOnce(node.get_logger().error)
         self._node = node
         self._health = health
         self._on_window = on_window
@@ -71,7 +73,7 @@ class WindowClient:
         except InputError as error:
             self._health.note('bad-window')
             self._refused = str(error)
-            self._node.get_logger().error(self._refused)
+            self._log(self._refused)
             self.stop_waiting(self._refused)
             return
         if not self.stop_waiting(''):
@@ -82,7 +84,7 @@ class WindowClient:
 
     def _on_answer(self, future: Future) -> None:
         if not future.result().success:
-            self.stop_waiting(future.result().message)
+            self.stop_waiting(future.result().message or f'{self._client.service_name} has no window')
 
 
 class Identifier(IdentificationNode):

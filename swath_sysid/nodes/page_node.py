@@ -21,6 +21,7 @@ from swath_sysid.formats import topics
 from swath_sysid.formats.messages import imu_reading, raw_stamp_ns, trajectory_values
 from swath_sysid.formats.model_file import model_from_yaml
 from swath_sysid.formats.sea_state_yaml import sea_from_yaml
+from swath_sysid.nodes.diagnostics import EachOnce
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD
 from swath_sysid.nodes.page_intake import coming_from, keeping, values_of
 from swath_sysid.nodes.page_requests import PageRequests
@@ -32,7 +33,6 @@ from swath_sysid.pipeline.health import Report
 
 SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)  #: Lossy: it slows nobody else.
 NEWEST_LOSSY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  #: No publisher waits for a page.
-MOST_TOLD = 100  #: Kinds of what cannot be shown; of a flood of others the place of each shows the newest.
 MAX_VALUES, LONGEST = 200, 1000  #: Of a status, and letters of each of its texts.
 
 #: The predictor's parameters that the page shows.
@@ -51,11 +51,10 @@ class PageNode(Node):
         self.record = LiveRecord()
         self.description = ''
         self.sensor = self.resolve_topic_name(topics.IMU_TOPIC)
-        self._report = report
+        self._report = EachOnce(report)
         self._requests = PageRequests(self, report, self._note_kept)
         self.press = self._requests.press
         self._prefix = self.get_namespace().strip('/')
-        self._told: set[tuple[str, str]] = set()
         self._point: tuple[str, Any] = '', None
         self.create_subscription(Imu, topics.IMU_TOPIC, self._on_imu, SENSOR, raw=True)
         self.create_subscription(JointTrajectory, topics.HORIZON_TOPIC, self._on_horizon, NEWEST_LOSSY)
@@ -79,8 +78,7 @@ class PageNode(Node):
             self.record.unreadable.pop(source, '')
             if problem:
                 self.record.unreadable[source] = problem
-        if problem and len(self._told) < MOST_TOLD and (source, problem) not in self._told:
-            self._told.add((source, problem))
+        if problem:
             # readers of texts name the topic themselves
             self._report(problem if problem.startswith(source) else f'{source}: {problem}')
 

@@ -14,7 +14,7 @@ from swath_sysid.formats.messages import imu_reading, stamp_ns
 from swath_sysid.formats.model_file import description_from_yaml
 from swath_sysid.formats.topics import DESCRIPTION_TOPIC, NEXT_TOPIC
 from swath_sysid.nodes import qos
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, EachOnce
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.forecast_publishers import forecast_publishers
 from swath_sysid.nodes.inbox import PacedInbox
@@ -36,6 +36,8 @@ class Predictor(Node):
 
     def __init__(self) -> None:
         super().__init__('predictor')
+        logger = self.get_logger()
+        self._log_error, self._log_warning = EachOnce(logger.error), EachOnce(logger.warning)
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
         in_step, depth = self.parameters['in_step'], self.parameters['queue_depth']
         self.upstream = Upstream(self, self.parameters['upstream'], depth)
@@ -122,7 +124,7 @@ class Predictor(Node):
 
     def _refuse_model(self, sentence: str) -> None:
         self.health.note_refused_model(sentence)
-        self.get_logger().error(f'{sentence}; the previous model stays')
+        self._log_error(f'{sentence}; the previous model stays')
 
     def _on_loading(self, message: Float64) -> None:
         before, self._published_loading = self._published_loading, message.data
@@ -131,7 +133,7 @@ class Predictor(Node):
         except InputError as error:
             self._published_loading = before
             self.health.note('bad-loading', 'loading')
-            self.get_logger().error(f'{error}; the previous loading stays')
+            self._log_error(f'{error}; the previous loading stays')
 
     def _on_parameters(self, settings: PipelineSettings) -> None:
         self.pipeline.forecaster.set_quiescence(settings.forecaster.quiescence)
@@ -144,7 +146,7 @@ class Predictor(Node):
         self.health.settle('loading')
         for item in advice:
             self.health.note('loading-advice', 'loading')
-            self.get_logger().warning(item.message)
+            self._log_warning(item.message)
 
     def _reports(self) -> list[Report]:
         self._use_new_models()  # also while the sensor is silent

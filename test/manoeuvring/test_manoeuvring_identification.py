@@ -426,8 +426,9 @@ def test_what_is_wrong_is_counted_and_left_out():
     for stamp in (0.0, 0.1, 0.1, 0.05, 0.2):
         window.add_motion(stamp, 1, 0, 0.1, 0, 0, 0)
     window.add_motion(0.3, float('inf'), 0, 0, 0, 0, 0)
+    window.add_motion(0.3, 1, 0, 0, 0, 1e30, 0)
     window.add_motion(1.0, 1, 0, 0.1, 0, 0, 0)
-    assert window.counts == {'not-finite': 2, 'late': 2, 'jumped-back': 0, 'no-thrust': 1}
+    assert window.counts == {'not-finite': 2, 'absurd-value': 1, 'late': 2, 'jumped-back': 0, 'no-thrust': 1}
     assert window.trial().port.tolist() == [50.0, 50.0, 50.0, 0.0]
     window.add_motion(-50.0, 1, 0, 0.1, 0, 0, 0)
     assert window.counts['jumped-back'] == 1

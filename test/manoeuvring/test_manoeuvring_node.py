@@ -3,19 +3,22 @@
 import math
 import time
 from contextlib import closing
+from itertools import count
 
 import numpy as np
 import pytest
 
-pytest.importorskip('rclpy')
+rclpy = pytest.importorskip('rclpy')
 
 from hostile_manoeuvring_models import manoeuvring_text, manoeuvring_texts  # noqa: E402
 from live_bench import RELIABLE, Bench, settings, start_node, stop, wait_for  # noqa: E402
 from manoeuvring_runs import MODEL, OLD  # noqa: E402
 from nav_msgs.msg import Odometry, Path  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
+from rclpy.signals import SignalHandlerOptions  # noqa: E402
 from sensor_msgs.msg import Imu  # noqa: E402
-from std_msgs.msg import Float32, Float64, String  # noqa: E402
+from spoilt_messages import spoilt  # noqa: E402
+from std_msgs.msg import Float32, Float64, Float64MultiArray, String  # noqa: E402
 from test_nodes_model_intake import (  # noqa: E402
     Intake,
     assert_a_bad_model_file_does_not_end,
@@ -30,7 +33,8 @@ from swath_sysid.manoeuvring.formats.model_file import (  # noqa: E402
 )
 from swath_sysid.manoeuvring.hull.simulation import simulate  # noqa: E402
 from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, with_noise  # noqa: E402
-from swath_sysid.manoeuvring.nodes.predictor import odometry_message, odometry_reading  # noqa: E402
+from swath_sysid.manoeuvring.nodes.identifier import ManoeuvringIdentifier  # noqa: E402
+from swath_sysid.manoeuvring.nodes.predictor import ManoeuvringPredictor, odometry_message, odometry_reading  # noqa: E402
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState  # noqa: E402
 from swath_sysid.nodes.qos import LATCHED  # noqa: E402
 
@@ -49,6 +53,48 @@ def test_odometry_message_round_trip():
     assert message.pose.covariance[35] == pytest.approx(0.01)
     message.pose.covariance[[0, 7]] = 0.8e4, 1.2e4  # so large a variance says that nothing was measured
     assert {'x', 'y'} & odometry_reading(message).std.keys() == {'x'}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('kind', [ManoeuvringPredictor, ManoeuvringIdentifier])
+def test_messages_of_which_any_field_is_spoilt_end_nothing_and_good_ones_are_used_after_them(kind):
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node, samples = kind(), count()
+    port, starboard = map(node._thrust_callback, ('port', 'starboard'))
+
+    def good():
+        time_ = 0.1 * next(samples)
+        state = ManoeuvreState(START + time_, time_, 0.0, 0.0, 1.0, 0.0, 0.0, np.eye(3), np.eye(3))
+        return deserialize_message(odometry_message(state, 'odom', 'base_link'), Odometry)
+
+    def drive(seconds):
+        for _ in range(round(seconds / 0.1)):
+            port(Float64(data=50.0))
+            starboard(Float64(data=50.0))
+            node._on_odometry(good())
+
+    try:
+        drive(10.0)
+        callbacks = [(Float64(data=50.0), port), (good(), node._on_odometry)]
+        if kind is ManoeuvringPredictor:
+            turning = Imu(header=good().header)
+            future = Float64MultiArray(data=[0.0, 50.0, 50.0])
+            callbacks += [(turning, node._on_imu), (future, node._on_future), (String(data='no'), node._on_model)]
+        for message, take in callbacks:
+            for _, each in spoilt(message):
+                take(each)
+                node._on_odometry(good())
+        before = sum(node.pipeline.counts.values()) if kind is ManoeuvringPredictor else 0
+        drive(30.0)
+        if kind is ManoeuvringPredictor:
+            assert sum(node.pipeline.counts.values()) == before
+            (path,) = (step.path for step in [node.pipeline._forecast()])
+            assert np.allclose([state.surge for state in path], 1.0, atol=0.1)
+        else:
+            assert np.all(np.abs(node.window.trial().surge) < 100.0) and node.window.size > 300
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
 
 
 START = 1000.0

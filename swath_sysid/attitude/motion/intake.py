@@ -12,6 +12,7 @@ from swath_sysid.attitude.motion.cleaning import limit_of
 from swath_sysid.attitude.motion.sensor_checks import BlankOrientation, RepeatedMessages
 from swath_sysid.attitude.motion.stamps import BURSTS, NANOSECOND, Bursts, StampOrder, StampSettings
 from swath_sysid.common.conditions import codes_in
+from swath_sysid.common.conventions import LATEST_STAMP_NS
 
 NOT_FINITE = 'not-finite'
 ABSURD = 'absurd-value'
@@ -196,6 +197,8 @@ class Intake:
 
     def take(self, reading: ImuReading, arrival: float = nan) -> ConvertedReading:
         """Convert the next message, which came at a time of a steady clock, s; also reasons of `STAMP_REASONS`."""
+        if reading.stamp_ns > LATEST_STAMP_NS:
+            return ConvertedReading(None, (ABSURD,))
         # to all that follows, a sensor that repeats itself is silent
         if self._repeated.add(reading.stamp_ns, reading.orientation, (*reading.rates, *reading.force)):
             return ConvertedReading(None, (FROZEN,))
@@ -217,7 +220,8 @@ class Intake:
 
     def leave_out(self, stamp_ns: int, arrival: float) -> None:
         """Keep count of the stamp of a message that is not used; see `take`."""
-        self._order.place(stamp_ns, arrival)
+        if stamp_ns <= LATEST_STAMP_NS:
+            self._order.place(stamp_ns, arrival)
 
     def place(self, sample: CraftSample) -> ConvertedReading:
         """Place the next sample of a record, which was cleaned and turned as a whole; reasons of `STAMP_REASONS`."""

@@ -2,11 +2,13 @@
 serialised.
 """
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
+from swath_sysid.attitude.motion.attitude import is_orientation
 from swath_sysid.formats.messages import SECOND_NS, header, make, serialised, stamp_ns
 from swath_sysid.formats.topics import ODOMETRY
 from swath_sysid.manoeuvring.formats.topics import PATH
@@ -45,10 +47,12 @@ def _of_six(block: np.ndarray) -> np.ndarray:
 
 
 def odometry_reading(message: Any) -> OdometryReading:
-    """Values of a nav_msgs/Odometry."""
+    """Values of a nav_msgs/Odometry; without a valid quaternion the heading is NaN."""
     pose, twist = message.pose.pose, message.twist.twist
     q = pose.orientation
-    heading = float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)))
+    heading = math.nan
+    if is_orientation(q.x, q.y, q.z, q.w):
+        heading = float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)))
     std = {}
     for names, covariance in (
         (('x', 'y', 'heading'), message.pose.covariance),

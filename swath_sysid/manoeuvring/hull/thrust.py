@@ -11,6 +11,7 @@ from swath_sysid.manoeuvring.hull.terms import Numbers
 
 _NAMES = 'gain reverse_ratio dead_band exponent full_input reverse_exponent_ratio'
 CURVE = tuple(terms.INDEX[name] for name in _NAMES.split())
+MOST_COMMANDS = 10_000  #: Kept while no odometry comes; of more, the oldest are lost.
 
 
 def thrust_curve(inputs: Numbers | Sequence[float], p: np.ndarray) -> np.ndarray:
@@ -65,7 +66,7 @@ class ThrustMemory:
     def __init__(self, p: np.ndarray, first: float = 0.0):
         self._p = p
         self._sides = np.array([1.0 - p[terms.BALANCE], 1.0 + p[terms.BALANCE]])
-        self._history = deque([(-math.inf, first, first)])
+        self._history = deque([(-math.inf, first, first)], MOST_COMMANDS)
         self._state: np.ndarray | None = None
 
     def command(self, stamp: float, port: float, starboard: float) -> bool:
@@ -88,7 +89,7 @@ class ThrustMemory:
     def forget(self) -> None:
         """Restart, keeping the last inputs, after time went backward."""
         _, port, starboard = self._history[-1]
-        self._history = deque([(-math.inf, port, starboard)])
+        self._history = deque([(-math.inf, port, starboard)], MOST_COMMANDS)
         self._state = None
 
     def advance(self, start: float, duration: float) -> np.ndarray:

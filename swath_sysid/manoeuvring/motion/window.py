@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from swath_sysid.common.conventions import LATEST_STAMP_NS
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 from swath_sysid.manoeuvring.motion.trial import COMMAND, FORCE, ManoeuvringTrial
@@ -14,7 +15,25 @@ FASTEST = 20.0  #: Hz; faster odometry is thinned to this rate.
 AUTO = 'auto'
 THRUST_INPUTS = (AUTO, FORCE, COMMAND)
 
-NOT_FINITE, LATE, JUMPED_BACK, NO_THRUST = 'not-finite', 'late', 'jumped-back', 'no-thrust'
+NOT_FINITE, ABSURD, LATE, JUMPED_BACK, NO_THRUST = 'not-finite', 'absurd-value', 'late', 'jumped-back', 'no-thrust'
+
+#: s, m/s, rad/s, m (a grid of the whole globe), N; beyond these a value is a broken message.
+LARGEST_VALUES = {
+    'stamp': LATEST_STAMP_NS * 1e-9,
+    'surge': 100.0,
+    'sway': 100.0,
+    'yaw_rate': 35.0,
+    'x': 1e8,
+    'y': 1e8,
+    'thrust': 1e8,
+}
+
+
+def why_left_out(**values: float) -> str:
+    """Under which reason a message with these values is left out, if it is."""
+    if not all(map(math.isfinite, values.values())):
+        return NOT_FINITE
+    return ABSURD if any(abs(values[name]) > LARGEST_VALUES.get(name, math.inf) for name in values) else ''
 
 
 class ManoeuvringWindow:
@@ -28,7 +47,7 @@ class ManoeuvringWindow:
         self._duration, self._stop_after, self._backward_jump = duration, stop_after, backward_jump
         self._thrust: dict[str, float] = {}
         self._latest = self._thrust_at = -math.inf
-        self.counts = dict.fromkeys((NOT_FINITE, LATE, JUMPED_BACK, NO_THRUST), 0)
+        self.counts = dict.fromkeys((NOT_FINITE, ABSURD, LATE, JUMPED_BACK, NO_THRUST), 0)
 
     @property
     def size(self) -> int:
@@ -42,8 +61,8 @@ class ManoeuvringWindow:
 
     def add_thrust(self, side: str, value: float) -> None:
         """Add the input of one thruster, ``port`` or ``starboard``, N or command."""
-        if not math.isfinite(value):
-            self.counts[NOT_FINITE] += 1
+        if reason := why_left_out(thrust=value):
+            self.counts[reason] += 1
             return
         self._thrust[side] = float(value)
         self._thrust_at = self._latest
@@ -53,8 +72,8 @@ class ManoeuvringWindow:
     ) -> None:
         """Add an odometry message: pose in ENU, speeds in body axes x forward, y to port."""
         row = (surge, sway, yaw_rate, heading, x, y)
-        if not all(map(math.isfinite, (stamp, *row))):
-            self.counts[NOT_FINITE] += 1
+        if reason := why_left_out(stamp=stamp, **dict(zip(COLUMNS[3:], row, strict=True))):
+            self.counts[reason] += 1
             return
         if stamp < self._latest - self._backward_jump:
             self.counts[JUMPED_BACK] += 1

@@ -1,9 +1,10 @@
 """The node manoeuvring_predictor: where a twin-thruster craft will be, with covariance."""
 
+import math
 from collections.abc import Callable
+from itertools import zip_longest
 from time import perf_counter
 
-import numpy as np
 from nav_msgs.msg import Odometry, Path
 from rclpy.node import Node
 from sensor_msgs.msg import Imu
@@ -17,8 +18,8 @@ from swath_sysid.manoeuvring.formats.model_file import manoeuvring_from_yaml, re
 from swath_sysid.manoeuvring.formats.topics import LEADS, PATH_TOPIC
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.nodes.settings import manoeuvring_pipeline_settings
-from swath_sysid.manoeuvring.prediction.pipeline import NOT_FINITE, ManoeuvreOutlook, ManoeuvringHealth
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
+from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlook, ManoeuvringHealth
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, EachOnce
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
@@ -33,6 +34,7 @@ class ManoeuvringPredictor(Node):
 
     def __init__(self) -> None:
         super().__init__('manoeuvring_predictor')
+        self._log_error = EachOnce(self.get_logger().error)
         self.parameters = NodeParameters(self, 'manoeuvring_predictor', manoeuvring_pipeline_settings)
         self.pipeline = ManoeuvreOutlook(self.parameters.settings)
         self.health = ManoeuvringHealth(self.resolve_topic_name('odometry'), self.pipeline)
@@ -86,10 +88,8 @@ class ManoeuvringPredictor(Node):
     def _on_future(self, message: Float64MultiArray) -> None:
         """Rows of lead, port, starboard; none: hold the last."""
         values = list(message.data)
-        if len(values) % 3 or not np.all(np.isfinite(values)):
-            self.pipeline.counts[NOT_FINITE] += 1
-            return
-        self.pipeline.supply(zip(values[::3], values[1::3], values[2::3], strict=True))
+        # a row that is cut counts as one that is not finite
+        self.pipeline.supply(zip_longest(values[::3], values[1::3], values[2::3], fillvalue=math.nan))
 
     def _read_file(self, path: str) -> None:
         """Begin with the model of a file; one that cannot be used leaves the craft its steady motion."""
@@ -111,7 +111,7 @@ class ManoeuvringPredictor(Node):
 
     def _refuse(self, sentence: str) -> None:
         self.health.note_refused_model(sentence)
-        self.get_logger().error(f'{sentence}; the previous model stays')
+        self._log_error(f'{sentence}; the previous model stays')
 
     def _now(self) -> float:
         """Stamp for a message without one: the node's clock, unless that is not the clock of the odometry."""

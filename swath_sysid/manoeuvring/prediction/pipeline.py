@@ -16,10 +16,11 @@ from swath_sysid.common.conventions import ADEQUATE
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, Region
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel, parameter_values
+from swath_sysid.manoeuvring.motion.window import ABSURD, LATE, why_left_out
 from swath_sysid.manoeuvring.prediction.filter_settings import MEASURABLE, ManoeuvreFilterSettings
 from swath_sysid.pipeline.health import Reasons, Report, verdict_values
 
-LATE, NOT_FINITE = 'late', 'not-finite'
+MOST_SUPPLIED = 1000  #: Future inputs; a longer list is a broken message.
 
 
 @dataclass(frozen=True)
@@ -126,8 +127,7 @@ class ManoeuvreOutlook:
 
     def add_thrust(self, stamp: float, side: str, value: float) -> None:
         """Add the input of one thruster, ``port`` or ``starboard``, N or command as the model expects."""
-        if not (math.isfinite(value) and math.isfinite(stamp)):
-            self.counts[NOT_FINITE] += 1
+        if self._leaves_out(stamp=stamp, thrust=value):
             return
         self._sides[side] = value
         self._silent = False
@@ -137,12 +137,21 @@ class ManoeuvreOutlook:
 
     def supply(self, future: Iterable[tuple[float, float, float]]) -> None:
         """Use future inputs (lead from now, port, starboard); empty: the last ones hold."""
-        self._supplied = tuple(future)
+        rows = tuple(future)
+        if len(rows) > MOST_SUPPLIED:
+            self.counts[ABSURD] += 1
+        elif not any(self._leaves_out(stamp=lead, thrust=value) for lead, *inputs in rows for value in inputs):
+            self._supplied = rows
+
+    def _leaves_out(self, **values: float) -> bool:
+        reason = why_left_out(**values)
+        if reason:
+            self.counts[reason] += 1
+        return bool(reason)
 
     def add_yaw_rate(self, stamp: float, yaw_rate: float, std: float | None = None) -> None:
         """Add the yaw rate of an IMU, rad/s."""
-        if not (math.isfinite(yaw_rate) and math.isfinite(stamp)):
-            self.counts[NOT_FINITE] += 1
+        if self._leaves_out(stamp=stamp, yaw_rate=yaw_rate):
             return
         if not self._filter.is_started or stamp > self._filter.stamp + self.settings.gap_limit:
             return
@@ -158,8 +167,7 @@ class ManoeuvreOutlook:
     def add_odometry(self, reading: OdometryReading) -> OutlookStep:
         """Add an odometry message, in the order of arrival."""
         values = {name: getattr(reading, name) for name in MEASURABLE}
-        if not all(map(math.isfinite, (reading.stamp, *values.values()))):
-            self.counts[NOT_FINITE] += 1
+        if self._leaves_out(stamp=reading.stamp, **values):
             return OutlookStep()
         filter_ = self._filter
         if filter_.is_started and reading.stamp < filter_.stamp - self.settings.backward_jump:
