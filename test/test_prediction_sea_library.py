@@ -1,5 +1,7 @@
 """The library of seas against Gaussian processes solved one by one, and what must not change a forecast."""
 
+from threading import Thread
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +12,7 @@ from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction import sea_library
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE
-from swath_sysid.attitude.prediction.sea_library import TEMPER, SeaLibrary, seas
+from swath_sysid.attitude.prediction.sea_library import TEMPER, Predictors, SeaLibrary, seas
 from swath_sysid.pipeline.record_run import run_through
 
 STEPS = np.array([1, 2, 5, 11])
@@ -204,3 +206,15 @@ def test_four_memories_after_waves_have_faded_the_forecast_is_as_sure_as_if_they
         _, covariance = _followed(rows, step, period).forecast(None)
         sizes.append(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
     assert (sizes[0] < 1.1 * sizes[1]).all() and (sizes[0] > 0.9 * sizes[1]).all()
+
+
+def test_forecasters_in_two_threads_share_their_predictors():
+    """As while a node that forecasts already loads its kernels, which shared the first rows of the same seas."""
+    alone, shared, count = Predictors(32.0, True), Predictors(32.0, True), 30
+    alone.whiten(count)
+    threads = [Thread(target=lambda: [shared.whiten(k + 1) for k in range(count)]) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    np.testing.assert_array_equal(shared.white[:, :count], alone.white[:, :count])

@@ -7,6 +7,7 @@ weighted by the likelihood of the rows so far, with the size of the motion integ
 import math
 from collections import deque
 from functools import cache, lru_cache
+from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.conventions import NEGLIGIBLE
 
 MEMBERS = 256
+
+_WHITENING = Lock()  # predictors are shared by forecasters, which may be in several threads
 
 #: Of a member, log-uniform: peak period over the motion's (by the cube of the logarithm: most are near the middle),
 #: damping of the two peaks, their steepness, period and power of the second over those of the first, noise of angle and
@@ -98,6 +101,11 @@ class Predictors:
 
     def whiten(self, count: int) -> None:
         """Make the first rows of ``white`` known, by Gram and Schmidt."""
+        if count > self._known:
+            with _WHITENING:
+                self._whiten(count)
+
+    def _whiten(self, count: int) -> None:
         lags, kinds = np.divmod(np.arange(MAX_LAGS), self._kinds)
         for i in range(self._known, count):
             lag, kind, row = lags[i], kinds[i], self.white[:, i]
