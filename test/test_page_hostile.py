@@ -1,5 +1,7 @@
 """The page among other people's nodes: it lives with every message and reports each kind once."""
 
+from time import monotonic
+
 import pytest
 
 rclpy = pytest.importorskip('rclpy')
@@ -126,11 +128,16 @@ def test_texts_in_place_of_numbers_are_shown_as_what_they_are(page):
 
 
 def test_statuses_of_others_take_no_room_from_those_that_are_read_and_long_texts_are_cut(page):
-    others = [DiagnosticStatus(name=f'predictor: {k}', message='x' * 10**5) for k in range(300)]
+    long = 'x' * 10**5
+    others = [DiagnosticStatus(name=f'predictor: {k}', message=long) for k in range(300)]
     page.node._on_diagnostics(DiagnosticArray(status=others))
+    ours = DiagnosticStatus(name='predictor: imu', message=long, values=[KeyValue(key=long, value=long)])
+    page.node._on_diagnostics(DiagnosticArray(status=[ours]))
+    (found,) = page.node.record.statuses(monotonic()).values()
+    ((key, value),) = found.values.items()
+    assert [len(text) for text in (found.message, key, value)] == [1000] * 3
     page.node._on_diagnostics(statuses())
     assert page.health()['Sensor'] == '3.5 Hz, receiving'
-    assert max(len(report.message) for _, report in page.node.record._statuses.values()) == 1000
 
 
 @pytest.mark.parametrize('found', [[], [None] * len(ASKED), ['x'] * len(ASKED), [float('nan')] * len(ASKED)])

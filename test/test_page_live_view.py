@@ -87,9 +87,10 @@ def test_memory_does_not_grow_and_of_a_fast_sensor_25_samples_a_second_are_kept(
     record.install(Installation())
     for k in range(1200):
         record.add_horizon(forecast(k * 10**8))
-        record.add_status(Report(f'node {k}: imu', 0, ''), 0.0)
+        for name in (f'node {k}: imu', 'predictor: imu'):
+            record.add_status(Report(name, 0, ''), 0.0)
     assert len(record.checked['pitch']) == 750
-    assert (len(record.statuses(0.0)), len(record.statuses(4.0)), len(record.statuses(6.0))) == (100, 100, 0)
+    assert (len(record.statuses(0.0)), len(record.statuses(4.0)), len(record.statuses(6.0))) == (1, 1, 0)
     hull = hull_named('swath-roll').model
     for k in range(9):
         record.set_models({'roll': IdentifiedModel(hull.with_trim(0.01 * k), np.zeros((5, 5)), 0.0)})

@@ -27,7 +27,7 @@ from swath_sysid.nodes.page_intake import coming_from, keeping, values_of
 from swath_sysid.nodes.page_requests import PageRequests
 from swath_sysid.nodes.parameters.settings import installation, quiescence_limits
 from swath_sysid.nodes.qos import LATCHED, NEWEST
-from swath_sysid.page.live_record import ANOTHERS, LiveRecord, calm_of, horizon_of, probability_of
+from swath_sysid.page.live_record import ANOTHERS, READ, LiveRecord, calm_of, horizon_of, probability_of
 from swath_sysid.page.state import SELDOM
 from swath_sysid.pipeline.health import Report
 
@@ -62,7 +62,7 @@ class PageNode(Node):
         self.create_subscription(String, topics.SEA_TOPIC, self._on_sea, LATCHED)
         self.create_subscription(JointTrajectory, topics.CALM_TOPIC, self._on_calm, LATCHED)
         self.create_subscription(Float32, topics.QUIESCENCE_TOPIC, self._on_quiescence, NEWEST)
-        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self._requests.carry_out, clock=steady)
         self.create_timer(SELDOM, self._ask_predictor, clock=steady)
@@ -141,8 +141,8 @@ class PageNode(Node):
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         with self.lock:
             for status in message.status:
-                if status.hardware_id == self._prefix:
-                    name = status.name.removeprefix(f'{self._prefix}/')
-                    values = {each.key: each.value[:LONGEST] for each in status.values[:MAX_VALUES]}
+                name = status.name.removeprefix(f'{self._prefix}/')
+                if status.hardware_id == self._prefix and name in READ:
+                    values = {each.key[:LONGEST]: each.value[:LONGEST] for each in status.values[:MAX_VALUES]}
                     report = Report(name, status.level[0], status.message[:LONGEST], values)
                     self.record.add_status(report, monotonic())

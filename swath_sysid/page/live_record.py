@@ -29,8 +29,7 @@ LARGEST = 1e6  #: In rad or m; a chart of a larger forecast would show nothing e
 
 ANOTHERS = 'end or remap the other program that publishes on this topic'
 
-MAX_STATUSES = 100
-#: Statuses that the page reads, for which there is always room.
+#: Statuses that the page reads; others may come by the thousand.
 READ = tuple(f'{node}: imu' for node in ('imu_buffer', 'predictor')) + (
     'imu_buffer: window',
     'predictor: installation',
@@ -153,8 +152,8 @@ class LiveRecord:
             kept.append((time, float(horizon.mean[quantity][at]), float(horizon.std[quantity][at])))
 
     def add_status(self, report: Report, clock: float) -> None:
-        """Add a status, named ``NODE: NAME``."""
-        if report.name in (*READ, *self._statuses) or len(self._statuses) < MAX_STATUSES:
+        """Add a status, named ``NODE: NAME``, if it is one of `READ`."""
+        if report.name in READ:
             self._statuses[report.name] = clock, report
 
     def set_models(self, models: Mapping[str, IdentifiedModel]) -> None:
