@@ -30,18 +30,23 @@ def use_plain_style() -> None:
     """Draw in the default style of matplotlib, whatever a matplotlibrc says, and texts as they are: two dollar signs in
     the name of a file are no mathematics.
     """
-    import matplotlib
-
+    try:
+        import matplotlib
+    except UnicodeDecodeError as error:
+        raise InputError(
+            'a matplotlibrc, in this folder or of this user, is not UTF-8, and matplotlib cannot be loaded: save it as '
+            'UTF-8, or move it away'
+        ) from error
     matplotlib.rcdefaults()
     matplotlib.rcParams['text.parse_math'] = False
 
 
 def new_figure(*size: float) -> Figure:
     """An empty figure of a width and height in inches, or of those of the page, drawn without a display."""
+    use_plain_style()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    use_plain_style()
     inches: Any = size or None
     figure = Figure(figsize=inches, layout='constrained')
     FigureCanvasAgg(figure)
