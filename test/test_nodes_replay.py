@@ -93,7 +93,7 @@ def test_live_nodes_under_replay_forecast_as_play_through_does(bag, tmp_path, be
     )
     samples = len(read_imu(bag).stamps)
     offline = tmp_path / 'offline.mcap'
-    assert main(['play-through', str(bag), '--output', str(offline), '--params', str(params)]) == 0
+    assert main(['play-through', str(bag), '--output', str(offline), '--params-file', str(params)]) == 0
 
     def values(name):
         return bench.statuses.get(name, (0, '', {}))[2]

@@ -65,7 +65,7 @@ def play(record, folder, *options, **parameters):
     path, params = folder / 'out.mcap', folder / 'params.yaml'
     if parameters:
         params.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}))
-        options = *options, '--params', str(params)
+        options = *options, '--params-file', str(params)
     assert main(['play-through', str(record), '--output', str(path), *options]) == 0
     return path
 

@@ -9,6 +9,7 @@ from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import prepare
 from swath_sysid.attitude.identification.selection import Comparison, compare
+from swath_sysid.attitude.motion.trial import axis_in_words
 from swath_sysid.cli import identify
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import trials_of, write_fit
@@ -52,7 +53,8 @@ def run(arguments: Namespace) -> int:
         if not arguments.quiet:
             _print_ranking(found)
         lines = [OF_IDENTIFY] if arguments.equations is None else []
-        print_result(False, {}, [*lines, *written], [f'Choice: {found.reason}', f'The fit is {choice.verdict}'])
+        said = f'The fit of {axis_in_words(axis, trials[0].installation)} is {choice.verdict}'
+        print_result(False, {}, [*lines, *written], [f'Choice: {found.reason}', said])
     return identify.exit_code_of(arguments, choice.verdict.level)
 
 

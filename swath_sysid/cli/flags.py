@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -51,6 +52,8 @@ def add_arguments(parser: ArgumentParser, verb: str) -> None:
 
 
 def _fill(parser: ArgumentParser, entry: Mapping[str, Any]) -> None:
+    # argparse would take the value -15,10,90 for a flag
+    parser._negative_number_matcher = re.compile(r'-[\d.][-\d.,eE]*$')
     parser.epilog = named(entry['epilog_from'])() if 'epilog_from' in entry else entry.get('epilog', '')
     if parser.epilog and '\n' in parser.epilog:
         parser.formatter_class = RawDescriptionHelpFormatter
@@ -177,6 +180,14 @@ def _limits(text: str) -> tuple[float, ...]:
     return tuple(math.radians(part) or math.inf for part in parts)
 
 
+def _mounting(text: str) -> tuple[float, ...]:
+    """Roll, pitch and yaw, deg, as rad."""
+    angles = numbers(text.strip('[]'))
+    if len(angles) != 3 or max(map(abs, angles)) > 180.0:
+        raise ArgumentTypeError('give three angles of -180 to 180 deg: ROLL,PITCH,YAW, as in 15,-10,90')
+    return tuple(map(math.radians, angles))
+
+
 def _point(text: str) -> Any:
     name, colon, place = text.partition(':')
     if not (colon and name.isidentifier()):
@@ -198,5 +209,6 @@ TYPES: dict[str, Callable[[str], Any]] = {
     'positive': positive,
     'not_negative': not_negative,
     'limits': _limits,
+    'mounting': _mounting,
     'point': _point,
 }

@@ -17,9 +17,8 @@ from swath_sysid.attitude.prediction.outlook import ErrorLimit
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
-from swath_sysid.cli.sources import check_model_and_plot, columns_of, read_record
+from swath_sysid.cli.sources import check_model_and_plot, columns_of, read_models, read_record
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.upstream_channels import read_upstream
 from swath_sysid.pipeline import scoring
 from swath_sysid.pipeline.baselines import even_stretches
@@ -50,7 +49,7 @@ def scored(arguments: Namespace) -> scoring.Skill:
     if trial.time.size < 3:
         raise InputError(f'{arguments.record} holds too few samples to forecast: give a longer record')
     upstream = read_upstream(arguments.record, arguments.upstream, topic=arguments.topic, columns=columns_of(arguments))
-    models = read_model(arguments.model) if arguments.model else {}
+    models = read_models(arguments.model, trial) if arguments.model else {}
     if arguments.axis is not None and getattr(trial, arguments.axis) is None:
         raise InputError(
             f'{arguments.record} holds no {arguments.axis} angle: choose another axis, or assign the column of '

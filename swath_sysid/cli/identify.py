@@ -13,13 +13,12 @@ from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
-from swath_sysid.cli.sources import decays_of_other_axes, trials_of, write_fit
+from swath_sysid.cli.sources import decays_of_other_axes, read_models, trials_of, write_fit
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.common.wings import offered
 from swath_sysid.formats.identify_records import identify_at_sea
-from swath_sysid.formats.model_file import read_model
 from swath_sysid.report.fit_figure import at_sea_figure, fit_figure
 from swath_sysid.report.fit_summary import (
     at_sea_as_data,
@@ -131,7 +130,7 @@ def _run_at_sea(arguments: Namespace, trials: Sequence[Trial], axis: str, read_a
             f'--{refused[0]} cannot be used with motion in waves, which gives only an equivalent linear hull: leave it '
             'out, or give the record of a free decay'
         )
-    known = read_model(arguments.model).get(axis) if arguments.model else None
+    known = read_models(arguments.model, trials[0]).get(axis) if arguments.model else None
     if arguments.model and known is None:
         raise InputError(f'{arguments.model} has no {axis} model: give one that has, or leave it out')
     with progress_of('identify at sea') as progress:

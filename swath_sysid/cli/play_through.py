@@ -7,6 +7,7 @@ from argparse import Namespace
 from dataclasses import replace
 from typing import Any
 
+from swath_sysid.attitude.hull.identified_model import check_mounting
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import columns_of
@@ -37,7 +38,7 @@ def run(arguments: Namespace) -> int:
     """Play the record through and write the output."""
     check_outputs(
         [Output('--output', arguments.output, is_recording=True, endings=('mcap',))],
-        [arguments.record, arguments.params, arguments.model],
+        [arguments.record, arguments.params_file, arguments.model],
     )
     beside: list[Advice] = []
     for play in offered('plays_bag') if is_bag(arguments.record) else ():
@@ -45,14 +46,16 @@ def run(arguments: Namespace) -> int:
         if code is not None:
             return code
         beside += advice
-    nodes = {name: values_from_file(arguments.params, name) for name in ATTITUDE_NODES}
+    nodes = {name: values_from_file(arguments.params_file, name) for name in ATTITUDE_NODES}
     predictor = nodes['predictor']
-    mount = installation(predictor)
-    how: dict[str, Any] = {'frame': mount.frame, 'mounting': mount.mounting, 'columns': columns_of(arguments)}
-    readings = read_readings(arguments.record, arguments.topic, **how)
+    given = installation(predictor)
+    stated: dict[str, Any] = {'frame': given.frame, 'mounting': arguments.mounting or given.mounting}
+    readings = read_readings(arguments.record, arguments.topic, **stated, columns=columns_of(arguments))
+    # readings in the axes of the craft need no mounting
+    mount = Installation() if readings.in_craft_axes else readings.installation(**stated)
     channels = [*filter(None, predictor['upstream']), *arguments.upstream]
     upstream = read_upstream(arguments.record, channels, topic=arguments.topic, columns=columns_of(arguments))
-    pipeline = _pipeline_of(nodes, arguments, readings.in_craft_axes, tuple(upstream))
+    pipeline = _pipeline_of(nodes, arguments, mount, tuple(upstream))
     arriving = ArrivingSamples(upstream, pipeline.add_upstream, int(readings.stamps[0]) - round(1e9 * readings.start))
     health = PlayedHealth(pipeline, IMU_TOPIC, [values['diagnostics_period_s'] for values in nodes.values()])
     verdicts = []
@@ -94,11 +97,10 @@ def run(arguments: Namespace) -> int:
 
 
 def _pipeline_of(
-    nodes: dict[str, Values], arguments: Namespace, is_in_craft_axes: bool, upstream: tuple[str, ...]
+    nodes: dict[str, Values], arguments: Namespace, mount: Installation, upstream: tuple[str, ...]
 ) -> PlayThrough:
-    """The nodes as their parameters set them; readings in the axes of the craft need no mounting."""
+    """The nodes as their parameters set them, with a mounting of the sensor."""
     buffer, identifier, predictor = (nodes[name] for name in ATTITUDE_NODES)
-    mount = Installation() if is_in_craft_axes else installation(predictor)
     forecasts = pipeline_settings(predictor)
     settings = PlayThroughSettings(
         replace(window_settings(buffer), installation=mount),
@@ -111,7 +113,9 @@ def _pipeline_of(
     )
     own = os.path.expanduser(identifier['model_path'])
     known = arguments.model or (own if os.path.exists(own) else '')
-    pipeline = PlayThrough(settings, read_model(known) if known else None)
+    models = read_model(known) if known else {}
+    check_mounting(models, mount)
+    pipeline = PlayThrough(settings, models)
     pipeline.window.record(buffer['record_at_start'])
     return pipeline
 

@@ -1,5 +1,6 @@
 """The verb ``run``: imu_buffer, identifier and predictor in one process, or one node; or their topics."""
 
+import math
 import os
 import re
 import subprocess
@@ -183,6 +184,8 @@ def ros_arguments(arguments: Namespace) -> list[str]:
             check_outputs([Output('--model', path)])
         # for every node, because `identifier:` before it would leave out those in a namespace
         given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']
+    if arguments.mounting:
+        given += ['-p', f'mounting_deg:={[round(math.degrees(angle), 6) for angle in arguments.mounting]}']
     given += remappings(arguments)
     if arguments.use_sim_time:
         given += ['-p', 'use_sim_time:=true']

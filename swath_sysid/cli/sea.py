@@ -30,5 +30,7 @@ def run(arguments: Namespace) -> int:
     if arguments.plot:
         save_figure(sea_figure(found), arguments.plot)
     data = {**sea_as_data(found), 'remarks': REMARKS, **warnings_as_data(trial.advice)}
-    print_result(arguments.json, data, sea_in_words(found, arguments.record))
+    is_stated = trial.installation is None or trial.installation.mounting is not None
+    bow = 'the bow' if is_stated else 'the x axis of the sensor, whose mounting is not stated'
+    print_result(arguments.json, data, sea_in_words(found, arguments.record, bow))
     return 0

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel, check_mounting
 from swath_sysid.attitude.identification.problem import Problem
+from swath_sysid.attitude.motion.attitude import FRAMES
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES, Trial
@@ -18,9 +20,11 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import BLOCK_BYTES, existing
 from swath_sysid.formats.identify_records import provenance_of
-from swath_sysid.formats.model_file import write_model
+from swath_sysid.formats.model_file import read_model, write_model
 from swath_sysid.formats.outputs import MODEL_ENDINGS, Output, check_outputs
 from swath_sysid.formats.reading import read_trial, source_hash
+from swath_sysid.nodes.parameters.parameter_files import values_from_file
+from swath_sysid.nodes.parameters.settings import installation
 from swath_sysid.report.figures import FORMATS, Figure, save_figure
 
 
@@ -52,13 +56,27 @@ def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> 
     )
 
 
+def _installation_of(arguments: Namespace) -> dict[str, Any]:
+    """Frame and mounting that the command line states, else its parameter file; None: as the record does."""
+    given = installation(values_from_file(arguments.params_file, 'predictor'))
+    frame = arguments.frame or (None if given.frame == FRAMES[0] else given.frame)
+    return {'frame': frame, 'mounting': arguments.mounting or given.mounting}
+
+
 def read_record(path: str, arguments: Namespace) -> Trial:
     """Read one record as the command line says, with progress where it is long."""
-    how: dict[str, Any] = {'topic': arguments.topic, 'frame': arguments.frame, 'columns': columns_of(arguments)}
+    how = {'topic': arguments.topic, 'columns': columns_of(arguments), **_installation_of(arguments)}
     if not os.path.isfile(path) or os.path.getsize(path) < BLOCK_BYTES:
         return read_trial(path, **how)
     with progress_of(f'reading {path}') as progress:
         return read_trial(path, **how, progress=progress)
+
+
+def read_models(path: str, trial: Trial) -> dict[str, IdentifiedModel]:
+    """The models of a file, which were identified with the mounting of the record."""
+    models = read_model(path)
+    check_mounting(models, trial.installation)
+    return models
 
 
 def read_trials(paths: Sequence[str], arguments: Namespace) -> tuple[list[Trial], tuple[Advice, ...]]:

@@ -3,6 +3,7 @@
 Those of the core are in sentences.yaml beside this module, those of a wing in its own; flags add to them.
 """
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -42,8 +43,12 @@ class Advice:
 
 
 def with_flags(code: str, message: str) -> str:
-    """A sentence with the flags, by its code, that do on the command line what it advises."""
-    return f'{message} ({FLAGS[code]})' if code in FLAGS else message
+    """A sentence with the flags, by its code, that do on the command line what it advises; ``{}`` in a flag stands for
+    the list that the sentence gives.
+    """
+    listed = re.search(r'\[([-\d., ]+)\]', message)
+    flag = FLAGS.get(code, '').format(listed[1].replace(' ', '') if listed else '')
+    return f'{message} ({flag})' if flag and ('{}' not in FLAGS[code] or listed) else message
 
 
 def counted(number: int, noun: str) -> str:

@@ -8,7 +8,7 @@ import tempfile
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import yaml
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.reader import zstd
 
-from swath_sysid.attitude.motion.attitude import Installation, body_rates, quaternion
+from swath_sysid.attitude.motion.attitude import FrameTree, Installation, body_rates, mounting_in, quaternion
 from swath_sysid.attitude.motion.cleaning import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.trial import Trial
@@ -27,11 +27,19 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import BLOCK_BYTES, existing, reading
 from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of
-from swath_sysid.formats.messages import IMU_PARTS, IMU_VALUES, SECOND_NS, ImuMessage, stamp_of, typestore
+from swath_sysid.formats.messages import (
+    IMU_PARTS,
+    IMU_VALUES,
+    SECOND_NS,
+    ImuMessage,
+    frame_tree,
+    stamp_of,
+    typestore,
+)
 from swath_sysid.formats.output_bag import STORAGES, writing_bag
 from swath_sysid.formats.registry import BAGS
 from swath_sysid.formats.text_tables import NamedColumns
-from swath_sysid.formats.topics import IMU, LEADS, NEXT_TOPIC, ODOMETRY
+from swath_sysid.formats.topics import CRAFT_FRAME, IMU, LEADS, NEXT_TOPIC, ODOMETRY, STATIC_FRAMES, TRANSFORMS
 
 METADATA_FILE = 'metadata.yaml'
 ZSTD = b'\x28\xb5\x2f\xfd'  #: How what was compressed with zstd begins, as no serialised message does.
@@ -64,11 +72,18 @@ class ImuRecord:
     topic: str = ''
     frame_id: str = ''
     in_craft_axes: bool = False  #: Whether frame and mounting are applied already.
+    frames: FrameTree = field(default_factory=dict)  #: What the static transforms of the bag state.
     advice: tuple[Advice, ...] = ()
     start: float = 0.0  #: s; the first stamp in the time of the trial.
 
     def __len__(self) -> int:
         return len(self.stamps)
+
+    def installation(self, frame: str, mounting: tuple[float, float, float] | None) -> Installation:
+        """With the mounting, rad, that is given, else that which the transforms state."""
+        if mounting is None:
+            mounting = mounting_in(self.frames, self.frame_id.lstrip('/'), CRAFT_FRAME, frame)
+        return Installation(frame, mounting)
 
     def __iter__(self) -> Iterator[ImuReading]:
         """One `ImuReading` after the other."""
@@ -89,11 +104,11 @@ def read_bag(
     path: str | Path,
     topic: str | None = None,
     frame: str | None = None,
-    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    mounting: tuple[float, float, float] | None = None,
 ) -> Trial:
     """Read a trial from an IMU topic of a rosbag2 bag, with time from its first stamp; see `read_trial`."""
-    installation = Installation(frame or 'flu', mounting)
     record = read_imu(path, topic)
+    installation = record.installation(frame or 'flu', mounting)
     stamps, advice = record.stamps, list(record.advice)
     if np.all(stamps == stamps[0]) and stamps.size > 1 and record.received is not None:
         stamps = record.received
@@ -118,10 +133,13 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
         if advice and IMU not in {c.msgtype for reader in readers for c in reader.connections}:
             raise InputError(f'{path} is damaged and nothing of an IMU topic is left in it: record it again')
         topic = chosen_topic(path, readers, IMU, topic, 'several-imu-topics')
-        decoder = _ImuDecoder()
-        for connection, time_ns, raw in intact_messages(path, readers, (topic,), advice):
+        decoder, frames = _ImuDecoder(), dict[str, tuple]()
+        static = {c.topic for reader in readers for c in reader.connections if c.topic.endswith(STATIC_FRAMES)}
+        for connection, time_ns, raw in intact_messages(path, readers, {topic, *static}, advice):
             if connection.msgtype == IMU:
                 decoder.add(time_ns, raw)
+            elif connection.msgtype == TRANSFORMS:
+                frames |= frame_tree(typestore().deserialize_cdr(raw, TRANSFORMS))
     stamps, received, values = decoder.arrays()
     if not stamps.size:
         problem = f' ({advice[-1].message})' if advice else ''
@@ -134,7 +152,8 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
     if len(decoder.frame_ids) > 1:
         names = ', '.join(repr(name[:40]) for name in list(decoder.frame_ids)[:3])
         advice.append(Advice.of('frame-id-changed', topic=topic, frames=len(decoder.frame_ids), names=names))
-    return ImuRecord(stamps, values, received, topic, next(iter(decoder.frame_ids), ''), advice=tuple(advice))
+    frame_id = next(iter(decoder.frame_ids), '')
+    return ImuRecord(stamps, values, received, topic, frame_id, frames=frames, advice=tuple(advice))
 
 
 def attitude_table(path: str | Path, topic: str) -> NamedColumns | None:

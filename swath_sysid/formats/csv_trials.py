@@ -34,7 +34,7 @@ MOTION = frozenset(('roll', 'pitch', 'roll_rate', 'pitch_rate', 'gyro_x', 'gyro_
 def read_csv(
     path: str | Path,
     frame: str | None = None,
-    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    mounting: tuple[float, float, float] | None = None,
     progress: Progress | None = None,
     columns: Mapping[str, str] | None = None,
     tables: Sequence[NamedColumns] = (),
@@ -210,10 +210,10 @@ def _unit_advice(table: Table) -> tuple[Advice, ...]:
     return ()
 
 
-def _installation(table: Table, frame: str | None, mounting: tuple[float, float, float]) -> Installation:
+def _installation(table: Table, frame: str | None, mounting: tuple[float, float, float] | None) -> Installation:
     """The mounting of the sensor: as given, else as the file states."""
     stated = table.remarks.get('mounting_deg')
-    if stated and not any(mounting):
+    if stated and mounting is None:
         try:
             roll, pitch, yaw = (float(np.radians(float(part))) for part in re.split(r'[,;\s]+', stated.strip('[]() ')))
         except ValueError as error:

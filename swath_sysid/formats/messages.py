@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, coefficients
+from swath_sysid.attitude.motion.attitude import FrameTree, Quaternion
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay
@@ -83,6 +84,16 @@ def stamp_of(message: Any) -> int | None:
     header = getattr(message, 'header', None)
     stamp_ns = 0 if header is None else header.stamp.sec * SECOND_NS + header.stamp.nanosec
     return stamp_ns or None
+
+
+def frame_tree(message: Any) -> FrameTree:
+    """Parent and orientation of each frame in a tf2_msgs/TFMessage, or in whatever has its fields."""
+    frames: dict[str, tuple[str, Quaternion]] = {}
+    for each in message.transforms:
+        turn = each.transform.rotation
+        parts = float(turn.x), float(turn.y), float(turn.z), float(turn.w)
+        frames[each.child_frame_id.lstrip('/')] = each.header.frame_id.lstrip('/'), parts
+    return frames
 
 
 def header(stamp_ns: int, frame_id: str) -> tuple:

@@ -41,7 +41,7 @@ def is_mti(names: Sequence[str]) -> bool:
 def read_mti(
     path: str | Path,
     frame: str | None = None,
-    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    mounting: tuple[float, float, float] | None = None,
     progress: Progress | None = None,
 ) -> Trial:
     """Read a trial from an Xsens MTi text export; parameters and errors are those of `read_trial`. Time, from the first

@@ -28,7 +28,7 @@ def read_trial(
     *,
     topic: str | None = None,
     frame: str | None = None,
-    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    mounting: tuple[float, float, float] | None = None,
     progress: Progress | None = None,
     columns: Mapping[str, str] | None = None,
 ) -> Trial:
@@ -40,7 +40,8 @@ def read_trial(
         path: Of a file or a bag folder.
         topic: The topic of the IMU, for bags that hold several, or of another message with the attitude.
         frame: ``flu`` or ``frd``: the sensor's axes; by default that stated in a CSV file, else ``flu``.
-        mounting: Roll, pitch, yaw of the sensor in the craft, rad; where all are zero, that stated in a CSV file.
+        mounting: Roll, pitch, yaw of the sensor in the craft, rad; by default that stated in a CSV file or by the
+            ``/tf_static`` of a bag, else none.
         progress: Called with 0 to 1 while a long table is read.
         columns: The columns of a table by the quantity that they hold, where their names do not say so, as in
             ``{'roll': 'Phi:deg', 'time': 't:s'}``.
@@ -93,7 +94,7 @@ def read_readings(
     topic: str | None = None,
     *,
     frame: str = 'flu',
-    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    mounting: tuple[float, float, float] | None = None,
     columns: Mapping[str, str] | None = None,
 ) -> ImuRecord:
     """The IMU messages of a bag, as they are; of other trials, those that an IMU would have sent in craft axes."""

@@ -20,6 +20,9 @@ OUTLOOK_TOPIC = 'forecast/outlook'
 SEA_TOPIC = 'sea/state'
 DIAGNOSTICS_TOPIC = '/diagnostics'
 FRAMES_TOPIC = '/tf'
+STATIC_FRAMES = '/tf_static'  #: How the topic of fixed frames ends, among them that of a sensor.
+TRANSFORMS = 'tf2_msgs/msg/TFMessage'
+CRAFT_FRAME = 'base_link'  #: REP 105.
 
 LEADS = 'forecast/lead_'  #: How the topics of forecasts at one lead begin.
 
@@ -36,7 +39,7 @@ TYPES = {
     OUTLOOK_TOPIC: 'sensor_msgs/msg/JointState',
     SEA_TOPIC: STRING,
     DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
-    FRAMES_TOPIC: 'tf2_msgs/msg/TFMessage',
+    FRAMES_TOPIC: TRANSFORMS,
 }
 
 #: The same in every namespace.

@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 from swath_sysid import __version__
 from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
 from swath_sysid.attitude.identification.refit import Refitter, refit, warm_up
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import coefficients_message, window_table
@@ -26,7 +27,7 @@ from swath_sysid.nodes.diagnostics import EachOnce
 from swath_sysid.nodes.executor_loop import Plan
 from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
-from swath_sysid.nodes.parameters.settings import refit_settings
+from swath_sysid.nodes.parameters.settings import installation, refit_settings
 from swath_sysid.nodes.qos import LATCHED, SERVICES, watched_publisher, watched_subscription
 from swath_sysid.pipeline.health import IdentifierHealth, Report, stability_report, verdict_values
 
@@ -36,13 +37,21 @@ class WindowClient:
     window that `fetch` did not ask for.
     """
 
-    def __init__(self, node: Node, service: str, health: IdentifierHealth, on_window: Callable[[MotionTable], None]):
+    def __init__(
+        self,
+        node: Node,
+        service: str,
+        health: IdentifierHealth,
+        on_window: Callable[[MotionTable], None],
+        installation: Installation,
+    ):
         self.newest: MotionTable | None = None
         self._refused = ''  # why the last window was, if it was
         self._log = EachOnce(node.get_logger().error)
         self._node = node
         self._health = health
         self._on_window = on_window
+        self._installation = installation
         self._awaited: Future | None = None
         self._client = node.create_client(Trigger, service)
         watched_subscription(node, PointCloud2, 'motion/window', self._receive, LATCHED, health)
@@ -69,7 +78,7 @@ class WindowClient:
 
     def _receive(self, message: Any) -> None:
         try:
-            self.newest, self._refused = window_table(message), ''
+            self.newest, self._refused = replace(window_table(message), installation=self._installation), ''
         except InputError as error:
             self._health.note('bad-window')
             self._refused = str(error)
@@ -99,7 +108,8 @@ class Identifier(IdentificationNode):
         self._coefficients = watched_publisher(self, Float64MultiArray, COEFFICIENTS_TOPIC, LATCHED, self.health)
         self.refitter = Refitter(self.parameters.settings, self.file.read() or {}, self.file.history())
         self._noticed: deque[MotionTable] = deque(maxlen=MOST_DECAYS)  #: With a decay that has not been fitted yet.
-        self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window)
+        mount = installation({'mounting_deg': self.parameters['mounting_deg']})
+        self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window, mount)
         self.serve(warm_up, self._refit_fresh, self._publish_models, self._further, self._refit_noticed, self._give_up)
         forward = partial(self.replaced, self.refitter.undo_rollback, 'there is no rollback to undo')
         self.create_service(Trigger, '~/undo_rollback', forward, qos_profile=SERVICES)

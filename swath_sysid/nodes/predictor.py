@@ -6,7 +6,7 @@ from time import perf_counter
 from rclpy.node import Node
 from std_msgs.msg import Float64, String
 
-from swath_sysid.attitude.hull.identified_model import models_at
+from swath_sysid.attitude.hull.identified_model import check_mounting, models_at
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.prediction.forecast import nothing
 from swath_sysid.common.errors import InputError
@@ -48,10 +48,7 @@ class Predictor(Node):
         self._messages, self._publisher_of, self._wanted = forecast_publishers(self, self.parameters, self.health)
         self._described: tuple[dict, dict] = {}, {}
         self._published_loading: float | None = None
-        # an empty text takes the models away
-        self._intake = ModelIntake(
-            lambda text: description_from_yaml(text, DESCRIPTION_TOPIC) if text else ({}, {}), self._refuse_model
-        )
+        self._intake = ModelIntake(self._models_in, self._refuse_model)
         qos.watched_subscription(
             self, String, DESCRIPTION_TOPIC, lambda message: self._intake.submit(message.data), qos.LATCHED, self.health
         )
@@ -106,6 +103,12 @@ class Predictor(Node):
         self.health.published += step.next is not None
         self.health.note_forecast(qos.arrival_time(self) - arrival, self.inbox.pace.stride)
         self._publish(self._messages.of(step))
+
+    def _models_in(self, text: str) -> tuple[dict, dict]:
+        """Models and schedules of a text, of which an empty one takes the models away."""
+        models, schedules = description_from_yaml(text, DESCRIPTION_TOPIC) if text else ({}, {})
+        check_mounting(models, self.parameters.settings.installation)
+        return models, schedules
 
     def _publish(self, messages: Iterable[tuple[str, bytes]]) -> None:
         for topic, raw in messages:

@@ -13,6 +13,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.segmentation import SMALLEST_AMPLITUDE, find_decays, keeps_oscillating
+from swath_sysid.attitude.motion.sensor_checks import TILT_CODES
 from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.attitude.motion.window import WindowSettings
@@ -116,8 +117,10 @@ def of_sensor(facts: Facts) -> Guidance | None:
     report = facts.statuses.get('predictor: installation')
     if report is None or report.level == OK:
         return None
-    code = facts.text('predictor: installation', 'contradictions').partition(' ')[0]
-    return say('contradiction', code=code, message=report.message)
+    codes = facts.text('predictor: installation', 'contradictions').split()
+    # a list may be the craft's: the health of the page shows it
+    code = next((each for each in codes if each not in TILT_CODES), '')
+    return say('contradiction', code=code, message=report.message) if code else None
 
 
 class BringUp:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.intake import BLANK_ORIENTATION
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.vertical import EDGE
@@ -92,6 +93,7 @@ class Skill:
     advice: tuple[Advice, ...] = ()
     points: dict[str, dict[str, QuantitySkill]] = field(default_factory=dict)  #: By point and `POINT_MOTION`.
     decisions: DecisionSkill | None = None  #: Where limits of quiescence were scored.
+    installation: Installation | None = None  #: Of the sensor, as of the `Trial`.
 
 
 def usual_warmup(trial: Trial) -> float:
@@ -231,6 +233,7 @@ def score(
         (*advice, *_leads_between_samples(leads, trial.time)),
         vertical,
         None if run.quiescence_limits is None else score_decisions(trial, scored, run.quiescence_limits),
+        trial.installation,
     )
 
 

@@ -11,6 +11,7 @@ from swath_sysid.attitude.identification.at_sea import AtSeaIdentification
 from swath_sysid.attitude.identification.fit_quality import known_together
 from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.attitude.identification.selection import Comparison
+from swath_sysid.attitude.motion.trial import axis_in_words
 from swath_sysid.common.advice import Advice, counted, with_flags
 from swath_sysid.common.covariance import correlation
 from swath_sysid.common.plain import finite_or_none
@@ -25,6 +26,7 @@ def _as_data(found: Any, wall_s: float | None) -> dict:
     return {
         'equation': model.equation.name,
         'axis': model.axis,
+        'axis_in_words': _axis_of(found),
         'ratios': ratios_as_data(found),
         'trim_rad': model.trim,
         'trim_std_rad': found.trim_std,
@@ -32,6 +34,11 @@ def _as_data(found: Any, wall_s: float | None) -> dict:
         'wall_s': wall_s,
         **warnings_as_data(found.advice),
     }
+
+
+def _axis_of(found: Identification | AtSeaIdentification) -> str:
+    motions = found.problem.motions if isinstance(found, Identification) else found.motions
+    return axis_in_words(found.model.axis, motions[0].installation)
 
 
 def fit_as_data(found: Identification, wall_s: float | None = None, inertia: float | None = None) -> dict:
@@ -132,7 +139,7 @@ def conclusion_of(found: Identification) -> list[str]:
     """Verdict, period and damping in one line."""
     period, damping, period_std, damping_std = found.bands.at(found.reference_amplitude)
     return [
-        f'{found.model.axis}: {found.verdict.level}; at {math.degrees(found.reference_amplitude):.2f} deg: natural '
+        f'{_axis_of(found)}: {found.verdict.level}; at {math.degrees(found.reference_amplitude):.2f} deg: natural '
         f'period {period:.4f} s +- {period_std:.2g}, equivalent damping ratio {damping:.4f} +- {damping_std:.2g} '
         '(one standard deviation)'
     ]
@@ -142,7 +149,7 @@ def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
     """Lines for a reader."""
     model = found.model
     return [
-        f'{model.axis}: identified at sea, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '
+        f'{_axis_of(found)}: identified at sea, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '
         f'+- {math.degrees(found.amplitude_std):.2g}',
         '  no verdict, as there was no release to judge by: score forecasts with this model instead',
         *(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from swath_sysid.attitude.motion.trial import axis_in_words
 from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.common.conventions import CONFIDENCE
@@ -87,7 +88,8 @@ def _scores_as_data(scores: Any, unit: str):
 
 def conclusion_of(skill: Skill) -> list[str]:
     """Who forecasts best, by how much and to which lead, a line for each axis, and how far forecasts are trusted."""
-    lines = [f'{axis}: {_winner(np.asarray(skill.leads), scores)}' for axis, scores in skill.axes.items()]
+    leads = np.asarray(skill.leads)
+    lines = [f'{axis_in_words(axis, skill.installation)}: {_winner(leads, each)}' for axis, each in skill.axes.items()]
     valid = [
         f'{axis} {scores.valid_lead.lead[0]:.2g} s'
         for axis, scores in skill.axes.items()

@@ -7,7 +7,7 @@ import numpy as np
 from swath_sysid.attitude.identification.at_sea import sea_of
 from swath_sysid.attitude.motion.quality import check_decay, check_motion
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, TOO_SMALL, DecaySegment, find_decays
-from swath_sysid.attitude.motion.trial import AxisMotion, Trial
+from swath_sysid.attitude.motion.trial import AxisMotion, Trial, axis_in_words
 from swath_sysid.attitude.motion.turning_points import even_signal, find_gaps, find_turning_points, mean_period
 from swath_sysid.common.advice import Advice, with_flags
 from swath_sysid.common.errors import InputError
@@ -33,7 +33,8 @@ def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
             'longest_interval_s': float(np.diff(trial.time).max()),
             'channels': list(trial.channels),
             'axes': {
-                motion.axis: _axis_as_data(motion, own, is_idle=any(decays) and not own)
+                motion.axis: {'in_words': axis_in_words(motion.axis, trial.installation)}
+                | _axis_as_data(motion, own, is_idle=any(decays) and not own)
                 for motion, own in zip(motions, decays, strict=True)
             },
             **warnings_as_data(trial.advice),
@@ -84,7 +85,7 @@ def record_in_words(data: dict) -> list[str]:
     for axis, found in data['axes'].items():
         unit = 'deg' if 'angle' in found['measured'] else 'deg/s'
         low, high, std = (np.degrees(found[key]) for key in ('smallest', 'largest', 'std'))
-        lines.append(f'  {axis}: {low:.2f} to {high:.2f} {unit}, standard deviation {std:.2f} {unit}')
+        lines.append(f'  {found["in_words"]}: {low:.2f} to {high:.2f} {unit}, standard deviation {std:.2f} {unit}')
         lines += [
             f'    {axis} decay from {d["start_s"]:.2f} to {d["end_s"]:.2f} s: {d["cycles"]:.1f} cycles of '
             f'{d["period_s"]:.3f} s, from {np.degrees(d["initial_amplitude"]):.2f} to '

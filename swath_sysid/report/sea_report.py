@@ -7,14 +7,14 @@ from swath_sysid.formats.sea_state_yaml import REMARKS
 from swath_sysid.report.figures import BAND, MODEL, RESIDUAL, Figure, panel
 
 
-def sea_in_words(found: SeaState, name: str) -> list[str]:
-    """Lines for a reader, with the name of the record."""
+def sea_in_words(found: SeaState, name: str, bow: str = 'the bow') -> list[str]:
+    """Lines for a reader, with the name of the record; the axis of the waves is stated from the bow."""
     low, high = found.peak_period_interval
     if math.isfinite(found.axis):
         side = 'to port' if found.axis > 0.0 else 'to starboard'
         axis = (
-            f'along a line {abs(math.degrees(found.axis)):.0f} ± {math.degrees(found.axis_std):.1f} deg {side} of the '
-            'bow, either way'
+            f'along a line {abs(math.degrees(found.axis)):.0f} ± {math.degrees(found.axis_std):.1f} deg {side} of '
+            f'{bow}, either way'
         )
     else:
         axis = 'not known: heave and slope are not coherent'

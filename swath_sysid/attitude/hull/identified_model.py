@@ -2,7 +2,7 @@
 
 import bisect
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,7 +10,8 @@ import numpy as np
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.terms import TERM_NAMES
-from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.motion.attitude import Installation, angle_between, in_degrees
+from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError
@@ -48,6 +49,37 @@ class HullPosterior:
             and np.array_equal(self.ratios, other.ratios)
             and np.array_equal(self.covariance, other.covariance)
         )
+
+
+MOUNTING = 'mounting_deg'  #: Key of a provenance: roll, pitch, yaw of the sensor that the model was identified with.
+OTHER_MOUNTING = math.radians(5.0)  #: By which the mounting of a sensor differs from that of a model.
+
+
+def mounting_of(motions: Iterable[AxisMotion]) -> dict[str, list[float]]:
+    """The entry of a provenance; none where a table names the axes of the craft, or where sensors differ."""
+    mountings = {None if each.installation is None else each.installation.angles for each in motions}
+    only = mountings.pop() if len(mountings) == 1 else None
+    return {} if only is None else {MOUNTING: in_degrees(only, 3)}
+
+
+def check_mounting(models: Mapping[str, 'IdentifiedModel'], installation: Installation | None) -> None:
+    """Reject models that were identified with another mounting than that of the sensor they are used with."""
+    for axis, identified in models.items():
+        # a model file may say anything there
+        known = identified.provenance.get(MOUNTING) if isinstance(identified.provenance, dict) else None
+        if installation is None or not isinstance(known, list | tuple) or len(known) != 3:
+            continue
+        if not all(isinstance(angle, int | float) for angle in known):
+            continue
+        if angle_between([math.radians(angle) for angle in known], installation.angles) > OTHER_MOUNTING:
+            now = ','.join(f'{angle:g}' for angle in in_degrees(installation.angles, 1))
+            raise InputError(
+                f'the {axis} model was identified with the sensor mounted at {",".join(f"{a:g}" for a in known)} deg, '
+                f'and {"it is stated" if installation.mounting else "without a stated mounting it is used"} at {now}: '
+                f'state the same mounting, identify again, or remove {MOUNTING} from the model file if it is another '
+                'sensor',
+                'other-mounting',
+            )
 
 
 @checked

@@ -13,7 +13,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import EQUATIONS
 from swath_sysid.attitude.hull.decay_model import DecayModel, amplitude_curves
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel, mounting_of
 from swath_sysid.attitude.identification.sea_likelihood import (
     ROUGHNESS,
     FrequencyPosterior,
@@ -162,6 +162,7 @@ class AtSeaIdentification:
             'sea': self.sea,
             'peak_period_s': self.peak_period,
             'advice': [a.code for a in self.advice],
+            **mounting_of(self.motions),
         }
         # a linear equivalent is valid at its amplitude only
         seen = (float(self.amplitude), float(self.amplitude))

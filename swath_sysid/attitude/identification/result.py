@@ -8,7 +8,7 @@ import numpy as np
 
 from swath_sysid.attitude.hull.catalogue import AUTO, GENERAL_HULL, equation_named
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel, mounting_of
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, LINEAR_RESTORING
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit, interval
 from swath_sysid.attitude.identification.decay_fit import DecayFit
@@ -167,6 +167,7 @@ class Identification(DecayFit):
             'stop': self.search.stop,
             'start': self.search.start,
             'advice': [a.code for a in self.advice],
+            **mounting_of(self.problem.motions),
         }
         metrics = {
             'r2': self.r2,

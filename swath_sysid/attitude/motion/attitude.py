@@ -5,7 +5,7 @@ as fast as numpy. Formulas: [1] T. I. Fossen, Handbook of Marine Craft Hydrodyna
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import permutations, product
@@ -178,23 +178,28 @@ class Installation:
     """Frame and mounting of a sensor: readings go from its frame to FLU in ENU, then through the mounting."""
 
     frame: str = 'flu'  #: One of `FRAMES`: what the sensor's axes and angles mean.
-    #: rad: roll, pitch, yaw of the sensor's (FLU) axes as seen from the craft's.
-    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    #: rad: roll, pitch, yaw of the sensor's (FLU) axes as seen from the craft's; None: not stated.
+    mounting: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         check_choice(self.frame, FRAMES, 'frame')
-        if len(self.mounting) != 3 or not all(isfinite(angle) for angle in self.mounting):
+        if self.mounting is not None and (len(self.mounting) != 3 or not all(map(isfinite, self.mounting))):
             raise InputError(f'a mounting is three finite angles (roll, pitch, yaw in rad), not {self.mounting}')
+
+    @property
+    def angles(self) -> tuple[float, float, float]:
+        """The mounting, rad; that of a sensor along the craft's axes where none is stated."""
+        return self.mounting or (0.0, 0.0, 0.0)
 
     @cached_property
     def is_turned(self) -> bool:
         """Whether the sensor's axes are not the craft's."""
-        return any(self.mounting)
+        return any(self.angles)
 
     @cached_property
     def rotation(self) -> Quaternion:
         """The quaternion (x, y, z, w) that turns sensor vectors (FLU) into craft vectors."""
-        x, y, z, w = quaternion(*self.mounting)
+        x, y, z, w = quaternion(*self.angles)
         return float(x), float(y), float(z), float(w)
 
     def vector(self, x: Value, y: Value, z: Value) -> tuple[Value, Value, Value]:
@@ -240,13 +245,50 @@ def nearest_quarter(angle: float) -> float:
     return float(np.radians(quarter if abs(degrees - quarter) <= 10.0 else round(degrees)))
 
 
-def in_degrees(mounting: Sequence[float]) -> list[int]:
-    """A mounting in whole degrees, of which -180 is 180."""
-    degrees = [round(float(np.degrees(angle))) for angle in mounting]
-    return [180 if angle == -180 else angle for angle in degrees]
+def in_degrees(mounting: Sequence[float], digits: int | None = None) -> list[float]:
+    """A mounting in degrees, whole ones or with so many digits behind the point, of which -180 is 180."""
+    degrees = [round(float(np.degrees(angle)), digits) for angle in mounting]
+    return [180 if angle == -180 else int(angle) if angle == int(angle) else angle for angle in degrees]
 
 
-def mounting_after(further: Sequence[float], installation: Installation) -> list[int]:
+def mounting_after(further: Sequence[float], installation: Installation, digits: int | None = None) -> list[float]:
     """The mounting, deg, of a sensor with a further rotation, rad, after its stated mounting."""
     turned = multiply(quaternion(*further), installation.rotation)
-    return in_degrees(euler_angles(*turned))
+    return in_degrees(euler_angles(*turned), digits)
+
+
+def angle_between(one: Sequence[float], other: Sequence[float]) -> float:
+    """The angle, rad, by which two mountings differ, about whatever axis."""
+    w = multiply(quaternion(*one), conjugate(*quaternion(*other)))[3]
+    return 2.0 * float(np.arccos(min(abs(float(w)), 1.0)))
+
+
+#: Parent and orientation in it, a quaternion (x, y, z, w), of each frame, as transforms (TF) state them.
+FrameTree = Mapping[str, tuple[str, Quaternion]]
+
+
+def mounting_in(tree: FrameTree, sensor: str, craft: str, frame: str = 'flu') -> tuple[float, float, float] | None:
+    """The mounting, rad, of a sensor's frame in a craft's, also one with a prefix (``boat1/base_link``).
+
+    None where the tree does not connect the two, or several frames of that name with the sensor. An ``frd`` sensor has
+    its frame's x axis forward and z axis down.
+    """
+    root, placed = _in_root(tree, sensor)
+    origins = [_in_root(tree, name) for name in {*tree, root} if name == craft or name.endswith(f'/{craft}')]
+    turns = [multiply(conjugate(*turn), placed) for end, turn in origins if end == root not in tree]
+    if not sensor or len(turns) != 1:
+        return None
+    found = turns[0] if frame == 'flu' else multiply(turns[0], quaternion(np.pi, 0.0, 0.0))
+    roll, pitch, yaw = map(float, euler_angles(*found))
+    return roll, pitch, yaw
+
+
+def _in_root(tree: FrameTree, name: str) -> tuple[str, Quaternion]:
+    """The root above a frame, and the orientation of the frame in it."""
+    turn: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    for _ in range(len(tree)):  # frames in a circle have no root
+        if name not in tree:
+            break
+        name, above = tree[name]
+        turn = multiply(above, turn)
+    return name, turn

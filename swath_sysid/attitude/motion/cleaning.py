@@ -7,7 +7,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion import attitude
 from swath_sysid.attitude.motion.attitude import Installation
-from swath_sysid.attitude.motion.sensor_checks import FROZEN, contradictions_in, is_blank
+from swath_sysid.attitude.motion.sensor_checks import FROZEN, TILT_CODES, contradictions_in, is_blank
 from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 from swath_sysid.common.advice import Advice, counted
@@ -332,7 +332,11 @@ def assemble_trial(
     time, readings, cleaning_advice = clean(time, readings, name)
     channels, motion_advice = _craft_channels(time, readings, installation, name)
     channels = {key: values for key, values in channels.items() if np.isfinite(values).any()}
+    is_of_sensor = installation.mounting is not None or not {*QUATERNION, *GYRO}.isdisjoint(readings)
     contradictions = contradictions_in(time, channels, installation)
+    if not is_of_sensor:
+        # columns that name the angles of the craft may well show its trim
+        contradictions = tuple(each for each in contradictions if each.code not in TILT_CODES)
     trial = Trial(
         time=time,
         **{key: values for key, values in channels.items() if key in (*CHANNELS, *FURTHER_CHANNELS)},
@@ -342,6 +346,7 @@ def assemble_trial(
         advice=(*advice, *cleaning_advice, *motion_advice, *contradictions),
         usable_share=len(time) / recorded,
         understood=understood,
+        installation=installation if is_of_sensor else None,
     )
     if not trial.axes:
         raise InputError(f'{name} holds no usable roll or pitch, neither angle nor rate: check what the sensor sends')

@@ -8,7 +8,14 @@ import numpy as np
 from swath_sysid.attitude.motion import sensor_checks
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.intake import FROZEN, NANOSECOND, ConvertedReading, CraftSample
-from swath_sysid.attitude.motion.sensor_checks import GRAVITY_CODES, PARTS, RATE_CODES, Contradiction, Judgement
+from swath_sysid.attitude.motion.sensor_checks import (
+    GRAVITY_CODES,
+    PARTS,
+    RATE_CODES,
+    TILT_CODES,
+    Contradiction,
+    Judgement,
+)
 from swath_sysid.attitude.motion.window import WindowSettings
 from swath_sysid.common.conditions import CONDITIONS
 from swath_sysid.common.row_buffer import RowBuffer
@@ -30,6 +37,7 @@ class InstallationCheck:
         self._repeated: tuple[Contradiction, ...] = ()
         self.contradictions: tuple[Contradiction, ...] = ()
         self.judgements = 0
+        self._was_level = False
 
     def add(self, converted: ConvertedReading) -> None:
         """Add one message, as the intake has converted it."""
@@ -80,6 +88,9 @@ class InstallationCheck:
     def _weigh(self, judgement: Judgement) -> None:
         """Report or drop contradictions when `CONFIRMATIONS` judgements agree."""
         found = {(each.code, each.axis): each for each in judgement.contradictions}
+        # a craft that has once floated level on its sensor is held, or has a list
+        self._was_level |= bool(judgement.decided & TILT_CODES) and not any(code in TILT_CODES for code, _ in found)
+        found = {key: each for key, each in found.items() if not (self._was_level and each.code in TILT_CODES)}
         for key, each in found.items():
             votes = self._votes.get(key, (0, None))[0]
             self._votes[key] = min(votes + 1, CONFIRMATIONS), each

@@ -41,6 +41,8 @@ IDENTITY = (0.0, 0.0, 0.0, 1.0)  #: Quaternion of no rotation.
 MIN_TURN = np.radians(3.0)  #: rad that the rates turn while the angles stand still; no angle is as coarse.
 GRAVITY_TOLERANCE = 0.2  #: Of gravity; consumer accelerometers are within a few percent.
 MIN_UPRIGHT = np.cos(np.radians(45.0))  #: Cosine of the largest mean list at which a craft floats.
+LEVEL = np.cos(np.radians(5.0))  #: Cosine of the mean list from which a sensor may be mounted at an angle.
+TILT_PARTS = 3  #: Of a stretch, each of which shows a tilt that is the sensor's; a craft that is held is let go.
 #: Cosine between gravity and attitude below which they contradict each other; alignment errors are a few degrees.
 CONTRADICTED = np.cos(np.radians(30.0))
 
@@ -71,14 +73,15 @@ PARTS = ('roll', 'pitch', 'yaw'), ('roll_rate', 'pitch_rate', 'yaw_rate'), ('acc
 
 #: All faults, by what must be compared to find them.
 REPEAT_CODES = frozenset({'sensor-frozen', 'angles-frozen'})
-GRAVITY_CODES = frozenset({'accelerations-in-g', 'gravity-missing', 'sensor-turned', 'axes-of-sensor'})
+TILT_CODES = frozenset({'sensor-tilted'})
+GRAVITY_CODES = TILT_CODES | {'accelerations-in-g', 'gravity-missing', 'sensor-turned', 'axes-of-sensor'}
 ARRANGED_CODES = frozenset({'rates-swapped', 'rates-turned', 'rate-sign', 'rate-unit', 'rate-scale'})
 LAG_CODES = frozenset({'rate-late', 'angle-late'})
 RATE_CODES = ARRANGED_CODES | LAG_CODES | {'rate-unrelated'}
 OFFSET_CODES = frozenset({'rate-offset'})
 
 #: Those that leave the rest of the data usable.
-DOUBTFUL_CODES = frozenset({'angles-frozen', 'gravity-missing', 'sensor-frozen'})
+DOUBTFUL_CODES = TILT_CODES | {'angles-frozen', 'gravity-missing', 'sensor-frozen'}
 
 
 @dataclass(frozen=True)
@@ -114,7 +117,7 @@ def contradictions_in(
     time: np.ndarray, channels: dict[str, np.ndarray], installation: Installation
 ) -> tuple[Contradiction, ...]:
     """Faults of the sensor in a whole record: channels (N,) by name, as the installation makes them. A contradiction
-    must show in most stretches that can show it; a frozen sensor, in any.
+    must show in most stretches that can show it; a frozen sensor, in any; a tilted one, in all.
     """
     if time.size < MIN_BINS:
         return ()
@@ -135,7 +138,8 @@ def contradictions_in(
     return tuple(
         each[len(each) // 2]
         for (code, _), each in found.items()
-        if code in REPEAT_CODES or len(each) > 0.5 * sum(code in judgement.decided for judgement in judgements)
+        if code in REPEAT_CODES
+        or len(each) > (len(judgements) - 1 if code in TILT_CODES else 0.5 * sum(code in j.decided for j in judgements))
     )
 
 
@@ -166,6 +170,8 @@ def judge(
         found += _rates_against_angles(slopes, interval, accelerations_follow(angles, force), installation)
         if not any(each.code in ARRANGED_CODES for each in found):
             found += _offsets(*evened)
+    if not any(each.code in GRAVITY_CODES for each in found):
+        found += _tilt(angles, force, installation)
     return Judgement(tuple(found), decided)
 
 
@@ -324,6 +330,23 @@ def _list_of_craft(up: np.ndarray | None, installation: Installation) -> list[Co
     )
     degrees = sensor_mount.in_degrees([roll, pitch])
     return _found('sensor-turned', roll=degrees[0], pitch=degrees[1], mounting=mounting)
+
+
+def _tilt(angles: np.ndarray, force: np.ndarray, installation: Installation) -> list[Contradiction]:
+    """A sensor that is never level on average, by its attitude or, without one, by gravity."""
+    ups = [mean_up(part) for part in np.array_split(angles, TILT_PARTS)]
+    has_attitude = all(up is not None for up in ups)
+    if not has_attitude:
+        ups = [mean_force_of(part) for part in np.array_split(force, TILT_PARTS)]
+    known = [up / np.linalg.norm(up) for up in ups if up is not None and np.any(up)]
+    if len(known) < TILT_PARTS or max(up[2] for up in known) >= LEVEL:
+        return []
+    # a craft is held at the start if at all
+    settled = angles[len(angles) // TILT_PARTS :, :2]
+    tilt = np.nanmedian(settled, axis=0) if has_attitude else attitude.tilt_angles(*np.mean(known[1:], axis=0))
+    roll, pitch = map(float, tilt)
+    mounting = sensor_mount.mounting_after((roll, pitch, 0.0), installation, digits=1)
+    return _found('sensor-tilted', roll=np.degrees(roll), pitch=np.degrees(pitch), mounting=mounting)
 
 
 def _turned_gravity(

@@ -5,11 +5,20 @@ from typing import Any
 
 import numpy as np
 
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError, check_choice
 
 AXES = ('roll', 'pitch')
+
+
+def axis_in_words(axis: str, installation: Installation | None) -> str:
+    """An axis; where the mounting of its sensor is not stated, with the axis of the sensor that it is about."""
+    if installation is None or installation.mounting is not None:
+        return axis
+    return f'{axis} (about the {"xy"[AXES.index(axis)]} axis of the sensor, whose mounting is not stated)'
+
 
 #: What an IMU measures of roll and pitch: the columns of a published window, in this order.
 CHANNELS = ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_x', 'accel_y', 'accel_z')
@@ -27,6 +36,7 @@ class AxisMotion:
     source: str = ''
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
     lag: float = 0.0  #: By which the rate came later than the angle, s, and was moved; negative for the angle.
+    installation: Installation | None = None  #: As of the `Trial`.
 
     @property
     def size(self) -> int:
@@ -108,6 +118,8 @@ class Trial:
     advice: tuple[Advice, ...] = ()  #: What the reader had to repair or leave out.
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
     understood: str = ''  #: Which columns of a table were read as what, in one line.
+    #: Of the sensor in whose axes the motion was measured; None where a table names the craft's axes itself.
+    installation: Installation | None = None
 
     def __post_init__(self) -> None:
         for name in ('time', *CHANNELS, *FURTHER_CHANNELS):
@@ -149,7 +161,8 @@ class Trial:
         if not finite.any():
             raise InputError(f'{self.source or "the trial"} holds no finite sample of {name}')
         angle, rate = getattr(self, name), getattr(self, f'{name}_rate')
-        return AxisMotion(name, self.time, angle, rate, self.source, self.usable_share).only(finite)
+        motion = AxisMotion(name, self.time, angle, rate, self.source, self.usable_share, 0.0, self.installation)
+        return motion.only(finite)
 
     @checked
     def between(self, start: float | None, end: float | None) -> 'Trial':

@@ -62,6 +62,7 @@ class MotionTable:
     rows: np.ndarray  #: (N, 8); `COLUMNS`; NaN marks what is not measured.
     stamp_ns: int  #: Of the last row; 0 where there is none.
     noticed: NoticedDecay | None = None
+    installation: Installation | None = None  #: Of the sensor, where it is known.
 
     def trial(self, source: str = 'the motion window') -> Trial:
         """The rows as a trial whose time starts at zero."""
@@ -69,7 +70,7 @@ class MotionTable:
             raise InputError('the motion window is empty: check that the IMU publishes and that imu_buffer receives it')
         time, *channels = np.ascontiguousarray(self.rows.T)
         measured = {name: values for name, values in zip(CHANNELS, channels, strict=True) if np.isfinite(values).any()}
-        return Trial(time=time - time[0], **measured, source=source)
+        return Trial(time=time - time[0], **measured, source=source, installation=self.installation)
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,7 @@ class MotionWindow:
         rows = self._rows.last()
         if since is not None:
             rows = rows[np.searchsorted(rows[:, 0], since) :]
-        return MotionTable(rows.copy(), self._stamp_ns)
+        return MotionTable(rows.copy(), self._stamp_ns, installation=self.settings.installation)
 
 
 class DecayWatch:
@@ -274,4 +275,4 @@ def averaged(table: MotionTable, rate: float) -> MotionTable:
     if len(rows) <= 1.5 * (bins[-1] + 1):
         return table
     _, *means = bin_means(bins, *rows.T)
-    return MotionTable(np.stack(means, axis=1), table.stamp_ns)
+    return replace(table, rows=np.stack(means, axis=1))

@@ -17,7 +17,7 @@ def play(arguments: Namespace) -> tuple[int | None, list[Advice]]:
     manoeuvres, imu = bags.holds_manoeuvres(arguments.record)
     if imu or not manoeuvres:
         return None, [Advice.of('manoeuvres-beside', record=arguments.record)] if manoeuvres else []
-    values = values_from_file(arguments.params, 'manoeuvring_predictor')
+    values = values_from_file(arguments.params_file, 'manoeuvring_predictor')
     trial = bags.read_manoeuvring_bag(arguments.record)
     model = arguments.model or values['model_file']
     settings = manoeuvring_pipeline_settings(values)

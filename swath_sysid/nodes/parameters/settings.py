@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 
 def installation(values: Values) -> Installation:
-    """Frame and mounting of the sensor, of imu_buffer and predictor."""
+    """Frame and mounting of the sensor; zeros, the default, state none."""
     if len(values['mounting_deg']) != 3:
         raise InputError('the parameter mounting_deg takes three angles (roll, pitch, yaw), as in [0.0, 0.0, 90.0]')
     roll, pitch, yaw = (radians(angle) for angle in values['mounting_deg'])
-    return Installation(values['frame'], (roll, pitch, yaw))
+    return Installation(values.get('frame', 'flu'), (roll, pitch, yaw) if any((roll, pitch, yaw)) else None)
 
 
 def stamp_settings(values: Values) -> StampSettings:

@@ -45,6 +45,7 @@ OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
 _NAME = schema.text(1000)
 _NUMBER = schema.number(-LARGEST, LARGEST)
 _POSITIVE = schema.number(above=0.0, highest=LARGEST)
+_MOUNTING = schema.list_of(schema.number(-180.0, 180.0), 3)  # roll, pitch, yaw
 Name = Annotated[str, _NAME]
 Positive = Annotated[float, _POSITIVE]
 
@@ -70,6 +71,7 @@ _TRIAL = schema.named(
         'start_s': _NUMBER,
         'end_s': _NUMBER,
         'frame': schema.one_of(('flu', 'frd'), 'frame'),
+        'mounting_deg': _MOUNTING,
         'topic': _NAME,
         'columns': _columns,
     }
@@ -130,6 +132,7 @@ class TrialEntry:
     start: float | None = None  #: Of the decay, s.
     end: float | None = None
     frame: str | None = None
+    mounting_deg: tuple[float, float, float] | None = None  #: Roll, pitch, yaw of the sensor.
     topic: str | None = None
     columns: tuple[tuple[str, str], ...] = ()  #: Quantities with the columns that hold them.
     speed_m_s: float | None = None
@@ -171,6 +174,7 @@ _CAMPAIGN = schema.named(
         'craft': schema.record(Craft),
         'axis': schema.one_of(AXES, 'axis'),
         'columns': _columns,
+        'mounting_deg': _MOUNTING,
         'equations': schema.one_or_more(_equation),
         'objectives': schema.one_or_more(schema.one_of(OBJECTIVES, 'objective')),
         'search': schema.record(SearchSettings, **{each.name: _single for each in fields(SearchSettings)}),
@@ -196,7 +200,7 @@ def read_manifest(path: str | Path) -> Manifest:
     plain = _CAMPAIGN(content, str(path))
     faults: list[str] = []
     trials: list[TrialEntry] = []
-    usual = {key: plain[key] for key in ('axis', 'columns') if key in plain}
+    usual = {key: plain[key] for key in ('axis', 'columns', 'mounting_deg') if key in plain}
     for place, entry in enumerate(entries, 1):
         try:
             trials += _trials_of(entry, f'trials, {place}', path.parent, usual, faults)
@@ -255,7 +259,7 @@ def _trial(path: Path, given: dict, matched: dict, where: str) -> TrialEntry:
     twice = sorted(set(given) & set(matched) - {'axis'})
     if twice:
         raise InputError(f"{where}: '{twice[0]}' is given both by the pattern and beside it: leave one out")
-    columns = given.pop('columns', ())
+    columns, mounting = given.pop('columns', ()), given.pop('mounting_deg', None)
     values = _TRIAL(given | matched, f'{where}, {path.name}')
     loadings = [(quantity, values.pop(quantity)) for quantity in QUANTITIES if quantity in values]
     if len(loadings) > 1:
@@ -270,6 +274,7 @@ def _trial(path: Path, given: dict, matched: dict, where: str) -> TrialEntry:
         where,
         loading=loadings[0] if loadings else None,
         columns=columns,
+        mounting_deg=mounting,
         **{names.get(key, key): value for key, value in values.items()},
     )
 

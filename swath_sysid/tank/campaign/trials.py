@@ -58,6 +58,7 @@ class TrialOutcome:
             e.start,
             e.end,
             e.frame,
+            e.mounting_deg,
             e.topic,
             e.columns,
             self.release,
@@ -108,7 +109,14 @@ def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> list[Tria
     outcome = TrialOutcome(entry, entry.path.name)
     try:
         outcome = replace(outcome, sha256=source_hash(entry.path))
-        trial = read_trial(entry.path, topic=entry.topic, frame=entry.frame, columns=dict(entry.columns))
+        mounting = None if entry.mounting_deg is None else [math.radians(angle) for angle in entry.mounting_deg]
+        trial = read_trial(
+            entry.path,
+            topic=entry.topic,
+            frame=entry.frame,
+            mounting=None if mounting is None else (mounting[0], mounting[1], mounting[2]),
+            columns=dict(entry.columns),
+        )
         refuse_contradictions(trial, entry.axis)
         motion = trial.axis(entry.axis)
         decays = decays_or_absence(motion, entry.start, entry.end)

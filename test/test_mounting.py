@@ -1,0 +1,155 @@
+"""The mounting of a sensor: stated by an argument, a flag, a parameter file or /tf_static; remembered, and missed."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from swath_sysid.attitude.hull.identified_model import check_mounting
+from swath_sysid.attitude.identification.result import IdentificationSettings
+from swath_sysid.attitude.identification.search import SearchSettings
+from swath_sysid.attitude.motion.attitude import Installation, mounting_in
+from swath_sysid.attitude.motion.installation_watch import InstallationCheck
+from swath_sysid.attitude.motion.intake import convert
+from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.cli.main import main
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.bags import ImuRecord, imu_values
+from swath_sysid.formats.identify_records import identify, write_model
+from swath_sysid.formats.messages import ImuMessage, frame_tree, header, make, serialised
+from swath_sysid.formats.output_bag import writing_bag
+from swath_sysid.formats.reading import read_trial
+from swath_sysid.formats.topics import IMU, TRANSFORMS
+
+ROTATIONS = (15, -10, 90), (0, 0, 90), (180, 0, 0), (0, -35, 0), (-20, 0, -135)
+GRAVITY = 9.81
+LINEAR = IdentificationSettings('linear', 'one-step', SearchSettings(generations=1))
+
+
+def matrix_of(mounting):
+    """The oracle: axes of the sensor in the craft, turned by yaw, then pitch, then roll about the turned axes."""
+    return Rotation.from_euler('ZYX', mounting[::-1], degrees=True)
+
+
+def decay(held=2.0, length=20.0, angle=0.14):
+    """A release in roll by a hull with a period of 2.5 s; heeled for some seconds before it."""
+    time = np.arange(0.0, held + length, 0.02)
+    free, frequency = np.maximum(time - held, 0.0), 2.0 * np.pi / 2.5
+    roll = angle * np.exp(-0.1 * free) * np.cos(frequency * free)
+    noise = np.random.default_rng(1).normal(0.0, 2e-4, (4, time.size))
+    forces = GRAVITY * np.sin(roll), GRAVITY * np.cos(roll)
+    rates = np.gradient(roll, time) + noise[1], noise[2]
+    return Trial(time, roll + noise[0], noise[3], *rates, 0.0 * time, *forces, yaw_rate=0.0 * time)
+
+
+def turned(trial, mounting):
+    """What a sensor mounted like this sends, (N, 37)."""
+    turn, values = matrix_of(mounting), imu_values(trial)
+    values[:, 0:4] = (Rotation.from_quat(values[:, 0:4]) * turn).as_quat()
+    for part in (slice(13, 16), slice(25, 28)):
+        values[:, part] = turn.inv().apply(values[:, part])
+    return values
+
+
+def bag_of(path, trial, mounting, frames=()):
+    """A bag of a sensor in ``boat/imu``; frames are parent, child and rotation."""
+    send = ImuMessage('boat/imu')
+    with writing_bag(path) as add:
+        if frames:
+            each = [
+                (header(0, up), name, ((0.0, 0.0, 1.0), tuple(turn.as_quat().tolist()))) for up, name, turn in frames
+            ]
+            add('/tf_static', TRANSFORMS, 1, serialised(make(TRANSFORMS, each)))
+        for stamp, values in zip(np.round(1e9 * trial.time).astype(int).tolist(), turned(trial, mounting), strict=True):
+            add('/imu/data', IMU, stamp, send.of_values(stamp, values))
+    return path
+
+
+@pytest.mark.parametrize('mounting', ROTATIONS)
+def test_a_turned_sensor_gives_the_motion_of_the_craft_by_argument_and_by_static_transforms(mounting, tmp_path):
+    truth, turn = decay(), matrix_of(mounting)
+    mast = Rotation.from_euler('ZYX', [30, 5, -7], degrees=True)
+    frames = ('boat/base_link', 'boat/mast', mast), ('boat/mast', 'boat/imu', mast.inv() * turn)
+    stated = read_trial(bag_of(tmp_path / 'plain.mcap', truth, mounting), mounting=tuple(np.radians(mounting)))
+    found = read_trial(bag_of(tmp_path / 'frames.mcap', truth, mounting, frames))
+    for trial in (stated, found):
+        assert (matrix_of(np.degrees(trial.installation.mounting)) * turn.inv()).magnitude() < np.radians(0.01)
+        for axis in ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_z'):
+            assert np.allclose(getattr(trial, axis), getattr(truth, axis), atol=1e-6)
+        assert not trial.advice
+
+
+def test_a_model_remembers_its_mounting_and_is_rejected_with_another(tmp_path, capsys):
+    straight, bag = identify(decay(), LINEAR, axis='roll'), bag_of(tmp_path / 'a.mcap', decay(), ROTATIONS[0])
+    found = identify(read_trial(bag, mounting=tuple(np.radians(ROTATIONS[0]))), LINEAR, axis='roll')
+    assert np.isclose(found.model.natural_period, straight.model.natural_period, rtol=1e-5)
+    model = str(tmp_path / 'model.yaml')
+    write_model(model, found)
+    assert 'mounting_deg' not in straight.identified_model({}).provenance
+    held = {'roll': found.identified_model({})}
+    check_mounting(held, Installation('flu', tuple(np.radians([15.0, -10.0, 94.0]))))
+    check_mounting(held, None)
+    with pytest.raises(InputError, match='mounted at 15,-10,90 deg, and it is stated at 15,-10,96:'):
+        check_mounting(held, Installation('flu', tuple(np.radians([15.0, -10.0, 96.0]))))
+    for given, words in (((), 'without a stated mounting'), (('--mounting', '-15,10,0'), 'stated at -15,10,0')):
+        for verb in (('forecast',), ('identify', '--at-sea'), ('play-through', '--output', str(tmp_path / 'o.mcap'))):
+            assert main([*verb, str(bag), '--model', model, *given]) == 2
+            assert words in capsys.readouterr().err
+
+
+def test_a_tilt_and_an_unstated_mounting_are_reported_with_the_flag_that_sets_it(tmp_path, capsys):
+    bag = bag_of(tmp_path / 'a.mcap', decay(), (15, -10, 90))
+    assert main(['inspect', str(bag)]) == 0
+    out, said = capsys.readouterr()
+    assert 'pitch (about the y axis of the sensor, whose mounting is not stated)' in out
+    angles = said.split('(--mounting ')[1].split(')')[0].split(',')
+    assert np.allclose([float(angle) for angle in angles], [15.0, -10.0, 0.0], atol=0.2)
+    (tmp_path / 'p.yaml').write_text('predictor: {ros__parameters: {mounting_deg: [15, -10, 90]}}')
+    for given in (('--mounting', ','.join(angles)), ('--params-file', str(tmp_path / 'p.yaml'))):
+        assert main(['inspect', str(bag), *given]) == 0
+        out, said = capsys.readouterr()
+        assert 'sensor' not in said + out
+    assert 'roll decay' in out
+
+
+@pytest.mark.parametrize(('held', 'length', 'angle'), [(2.0, 20.0, 0.14), (60.0, 6.0, 0.2), (100.0, 8.0, 0.14)])
+def test_a_craft_that_is_held_heeled_and_released_is_no_tilted_sensor(held, length, angle, tmp_path):
+    trial = read_trial(bag_of(tmp_path / 'a.mcap', decay(held, length, angle), (0, 0, 0)))
+    assert not trial.advice
+
+
+def test_live_a_tilt_is_reported_until_the_craft_floats_level_once():
+    def reports(*parts):
+        check, found, start = InstallationCheck(Installation()), [], 0.0
+        for mounting, seconds in parts:
+            trial = decay(seconds, 0.02, np.radians(0.1))
+            stamps = np.round(1e9 * (start + trial.time)).astype(int)
+            for reading in ImuRecord(stamps, turned(trial, mounting)):
+                check.add(convert(reading, Installation()))
+                found.append([each.code for each in check.judge()])
+            start += trial.time[-1] + 0.02
+        return found
+
+    tilted = reports(((0, 8, 0), 40.0))
+    assert tilted[-1] == ['sensor-tilted'] and tilted[500] == []
+    assert all(each == [] for each in reports(((0, 0, 0), 40.0), ((0, 8, 0), 60.0))[-500:])
+
+
+def test_frames_are_followed_through_a_tree_and_what_is_not_connected_states_nothing():
+    def sent(parent, child, turn):
+        rotation = SimpleNamespace(**dict(zip('xyzw', turn.as_quat().tolist(), strict=True)))
+        return SimpleNamespace(
+            header=SimpleNamespace(frame_id=parent), child_frame_id=child, transform=SimpleNamespace(rotation=rotation)
+        )
+
+    turn, footprint = matrix_of((15, -10, 90)), matrix_of((0, 3, 20))
+    both = [sent('/footprint', '/base_link', footprint), sent('footprint', 'imu', footprint * turn)]
+    tree = frame_tree(SimpleNamespace(transforms=both))
+    assert np.allclose(np.degrees(mounting_in(tree, 'imu', 'base_link')), (15, -10, 90))
+    # axes forward, right, down are those of the frame turned by half a turn about x
+    down = frame_tree(SimpleNamespace(transforms=[sent('base_link', 'imu', matrix_of((180, 0, 0)))]))
+    assert np.allclose(np.cos(mounting_in(down, 'imu', 'base_link', 'frd')), 1.0)
+    assert mounting_in(tree, 'other', 'base_link') is mounting_in(tree, '', 'base_link') is None
+    circle = frame_tree(SimpleNamespace(transforms=[sent('imu', 'base_link', turn), sent('base_link', 'imu', turn)]))
+    assert mounting_in(circle, 'imu', 'base_link') is None
