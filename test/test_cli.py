@@ -208,7 +208,8 @@ def test_flags_that_advice_is_given_exist(capsys):
                 main([verb, task, '--help'])
     known = capsys.readouterr().out
     for code, flags in FLAGS.items():
-        assert with_flags(code, 'look again') == f'look again ({flags})'
+        assert with_flags(code, 'set it to [1, 2, 3]') == f'set it to [1, 2, 3] ({flags.format("1,2,3")})'
+        assert '{}' not in with_flags(code, 'look again')
         assert all(flag in known for flag in re.findall('--[a-z-]+', flags)) and '--' in flags
     assert with_flags('spikes', 'look again') == 'look again'
 

@@ -12,8 +12,16 @@ from hypothesis import strategies as st
 
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.tank.campaign.manifest import pattern_expression, read_manifest, trials_in_words
-from swath_sysid.tank.campaign.proposal import new_manifest, pattern_of_name, write_new_manifest
+from swath_sysid.tank.campaign.manifest import (
+    PLACEHOLDERS,
+    pattern_expression,
+    read_manifest,
+    trials_in_words,
+    values_in_name,
+)
+from swath_sysid.tank.campaign.names import meanings_of, pattern_of
+from swath_sysid.tank.campaign.proposal import new_manifest, write_new_manifest
+from swath_sysid.tank.campaign.trials import prepared_trials
 from swath_sysid.tank.campaign.work import ResultStore, key_of
 
 NAMES = [f'pitch_{angle}deg_repeat{repeat}.csv' for angle in ('3', '8.4') for repeat in (1, 2)]
@@ -182,8 +190,15 @@ def test_a_new_manifest_reads_back(folder):
     found = read_manifest(folder / 'elsewhere' / 'new.yaml')
     assert found.faults == ()
     assert {t.path.name for t in found.trials} == {*NAMES, 'odd one.csv', 'single 8deg 0.25m.csv'}
-    assert {(t.initial_angle_deg, t.repeat) for t in found.trials} >= {(3.0, 1), (8.4, 2), (8.0, None)}
-    assert ('draft_m', 0.25) in {t.loading for t in found.trials}
+    assert {(t.initial_angle_deg, t.repeat, t.loading, t.speed_m_s) for t in found.trials} == {(None,) * 4}
+    text = (folder / 'elsewhere' / 'new.yaml').read_text()
+    assert "    # draft_m: 0.25   # does '0.25m' mean this?\n" in text
+    proposed = "  # - pattern: '../{axis}_{angle}deg_repeat{repeat}.csv'"
+    # the second line in place of the first
+    believed = text.replace(proposed, proposed.replace('# ', ''))
+    believed = believed.replace("  - pattern: '../{axis}_*deg_repeat*.csv'", '  #')
+    found = read(folder / 'elsewhere', believed)
+    assert {(t.initial_angle_deg, t.repeat) for t in found.trials} >= {(3.0, 1), (8.4, 2)} and not found.faults
     with pytest.raises(InputError, match='exists already'):
         write_new_manifest(folder, folder / 'elsewhere' / 'new.yaml')
     (folder / 'empty').mkdir()
@@ -192,22 +207,53 @@ def test_a_new_manifest_reads_back(folder):
             new_manifest(folder / name)
 
 
-@pytest.mark.parametrize(
-    'name, pattern',
-    [
-        ('pitch_8.4deg_repeat1.csv', '{axis}_{angle}deg_repeat{repeat}.csv'),
-        ('roll_5deg_0.9T_run12.mcap', '{axis}_{angle}deg_{draft_factor}T_run{repeat}.mcap'),
-        ('decay_8deg_0.25m.csv', 'decay_{angle}deg_{draft}m.csv'),
-        ('1.5m_s_5deg_300mm.csv', '{speed}m_s_{angle}deg_300mm.csv'),
-        ('roll_T0.150_R1.csv', '{axis}_T{draft}_R{repeat}.csv'),
-        ('Versuch_Tiefgang0,15_v1,5_phi8.csv', 'Versuch_Tiefgang{draft}_v{speed}_phi{angle}.csv'),
-        ('30kg-trial3.csv', '{displacement}kg-trial{repeat}.csv'),
-        ('notes.csv', 'notes.csv'),
-    ],
-)
-def test_patterns_are_told_from_names(name, pattern):
-    assert pattern_of_name(name) == pattern
-    assert pattern_expression(pattern).fullmatch(name)
+#: Names as tanks give them, and what they may mean, by the key of an entry.
+MEANINGS = {
+    'pitch_8.4deg_repeat1': 'axis pitch, initial_angle_deg 8.4, repeat 1',
+    'roll_5deg_0.9T_run12': 'axis roll, initial_angle_deg 5, draft_factor 0.9, repeat 12',
+    'roll_-8deg_R2': 'axis roll, initial_angle_deg -8, repeat 2',
+    'roll-8deg-R2': 'axis roll, initial_angle_deg 8, repeat 2',
+    'decay_8deg_0.25m': 'initial_angle_deg 8, draft_m 0.25',
+    '1.5m_s_5deg_300mm': 'speed_m_s 1.5, initial_angle_deg 5, draft_m 0.3',
+    'Rollen_T150mm_V02': 'draft_m 0.15, repeat 2',
+    'Versuch_Tiefgang0,15_v1,5m_s_phi8': 'draft_m 0.15, speed_m_s 1.5, initial_angle_deg 8',
+    'Tiefgang_15cm_Winkel10_Versuch3': 'draft_m 0.15, initial_angle_deg 10, repeat 3',
+    'Krängung 8° T=0,15m': 'initial_angle_deg 8, draft_m 0.15',
+    '30kg-trial3': 'displacement_kg 30, repeat 3',
+    'Masse31,5kg_10grad': 'displacement_kg 31.5, initial_angle_deg 10',
+    'Fn0.3_roll_10deg': 'froude_number 0.3, axis roll, initial_angle_deg 10',
+    'draught_0.12_Fr0,25': 'draft_m 0.12, froude_number 0.25',
+    'DTC_roll_0kn_run2': 'axis roll, speed_m_s 0, repeat 2',
+    'kvlcc2_run2_10kn': 'repeat 2, speed_m_s 5.14444',
+    'speed2.0_roll_test07': 'speed_m_s 2, axis roll, repeat 7',
+    'u=0.8mps heel12deg': 'speed_m_s 0.8, initial_angle_deg 12',
+    '0,75 m-s_6deg_wdh2': 'speed_m_s 0.75, initial_angle_deg 6, repeat 2',
+    'draft150_pitch6deg': 'draft_m 0.15, axis pitch, initial_angle_deg 6',
+    'Rollen_T150_V01': 'repeat 1',
+    'run_v03': 'repeat 3',
+    'Versuch_12': 'repeat 12',
+    'roll_T0.150_R1': 'axis roll, repeat 1',
+    'model_v1.5_roll': 'axis roll',
+    '2024-05-03_roll_1230': 'axis roll',
+    'heading180deg_H0.05m_T1.2s': '',
+    'wave_30deg_h50mm_L2m_run1': 'repeat 1',
+    'roll_GM50mm_KG_210mm_ballast5kg_V00': 'axis roll',
+    'rudder_10deg_mu_45deg': '',
+    'T1_D2_A3': '',
+    'notes': '',
+}
+
+
+@pytest.mark.parametrize('name', MEANINGS)
+def test_a_name_means_what_stands_beside_a_unit_or_a_word_and_is_not_believed(name):
+    found = meanings_of(name)
+    told = ', '.join(f'{each.key} {each.value if isinstance(each.value, str) else f"{each.value:g}"}' for each in found)
+    assert sorted(told.split(', ')) == sorted(MEANINGS[name].split(', '))
+    believed, proposed = (pattern_of(name, found, is_said) for is_said in (False, True))
+    assert pattern_expression(believed).fullmatch(name) and pattern_expression(proposed).fullmatch(name)
+    assert set(values_in_name(believed, name)) <= {'axis', 'repeat'}
+    plain = {each.key: each.value for each in found if each.is_plain and each.placeholder in PLACEHOLDERS}
+    assert values_in_name(proposed, name) == plain
 
 
 @pytest.mark.parametrize(
@@ -218,21 +264,57 @@ def test_patterns_are_told_from_names(name, pattern):
         ('"Masse";30,5;"kg"', 'displacement_kg: 30.5'),
         ('Geschwindigkeit = 1,5 m/s', 'speed_m_s: 1.5'),
         ('Anfangswinkel;10;°', 'initial_angle_deg: 10.0'),
-        ('Draft: 0.15 of the design', '# draft_m: 0.15'),
-        ('Draft reading: none', '# draft_m: 0.15'),
+        ('Tiefgang:;0,150;m;;Geschwindigkeit:;1,5;m/s', 'speed_m_s: 1.5'),
+        ('Tiefgang:;0,150;m', 'draft_m: 0.15'),
+        ('Model draft;mm;150', 'draft_m: 0.15'),
+        ('Draft: 0.15 of the design', ''),
+        ('Draft reading: none', ''),
     ],
 )
 def test_lines_above_a_table_propose_what_they_say_with_a_unit(line, said, tmp_path):
     (tmp_path / 'Versuch.csv').write_text(f'Werft\n{line}\nZeit [s];Rollwinkel [°]\n0,00;1,0\n')
-    assert f'    {said}\n' in new_manifest(tmp_path)
+    text, _ = new_manifest(tmp_path)
+    assert f'    {said}\n' in text if said else 'draft_m: 0' not in text.partition('trials:\n')[2]
+
+
+def test_cells_above_a_sheet_say_drafts_and_load_cases_and_several_under_one_draft_factor_are_reported(tmp_path):
+    openpyxl = pytest.importorskip('openpyxl')
+    time = 0.05 * np.arange(600)
+    for draft, case in ((150, 'Ballast'), (170, 'Load')):
+        book = openpyxl.Workbook()
+        for row in (('Tiefgang:', draft, 'mm'), ('Beladungsfall:', case), ('Zeit [s]', 'Rollwinkel [°]')):
+            book.active.append(row)
+        free = np.maximum(time - 3.0, 0.0)
+        angle = (8.0 + 0.01 * draft) * np.exp(-0.15 * free) * np.cos(3.0 * free)
+        for row in zip(time.tolist(), angle.tolist(), strict=True):
+            book.active.append(row)
+        book.save(tmp_path / f'Rollen_T{draft}_V01.xlsx')
+    text, warnings = new_manifest(tmp_path)
+    assert "V01.xlsx'   # 1 release, period 2.09 s, load case Ballast\n    draft_m: 0.15\n" in text
+    assert '    draft_m: 0.17\n' in text
+    assert not warnings and 'speed_m_s: 1' not in text
+    entries = "axis: roll\nmounting_deg: [0, 0, 5]\ntrials: [{pattern: 'Rollen_*.xlsx', draft_factor: 1}]\n"
+    (tmp_path / 'c.yaml').write_text(entries.replace('mounting_deg: [0, 0, 5]\n', ''))
+    _, found = prepared_trials(read_manifest(tmp_path / 'c.yaml'))
+    assert {a.message for t in found for a in t.advice if a.code == 'several-drafts'} == {
+        'the files of draft factor 1 state drafts of 0.15 to 0.17 m: if these are right, give draft_m beside each '
+        'trial, because all of draft factor 1 are fitted as one'
+    }
+    (tmp_path / 'c.yaml').write_text(entries)
+    _, found = prepared_trials(read_manifest(tmp_path / 'c.yaml'))
+    assert all('a mounting can turn only both together' in t.reason for t in found)
 
 
 def test_what_lines_and_names_say_of_the_loading_is_one_loading(tmp_path):
     for name in ('Versuch.csv', 'roll_6deg_1.0T.csv'):
         (tmp_path / name).write_text('Tiefgang: 0,15 m\nMasse: 30 kg\nZeit [s];Rollwinkel [°]\n0,00;1,0\n')
     assert main(['campaign', '--new', str(tmp_path)]) == 0
-    found = {t.path.name: (t.loading, t.mass_kg) for t in read_manifest(tmp_path / 'campaign.yaml').trials}
-    assert found == {'Versuch.csv': (('draft_m', 0.15), 30.0), 'roll_6deg_1.0T.csv': (('draft_factor', 1.0), 30.0)}
+    found = {(t.loading, t.mass_kg) for t in read_manifest(tmp_path / 'campaign.yaml').trials}
+    assert found == {(('draft_m', 0.15), 30.0)}
+    text = (tmp_path / 'campaign.yaml').read_text()
+    assert text.count('draft_m: 0.15   # all files say so\n') == 1 and 'draft_factor: 1' not in text
+    one = read(tmp_path, text.replace("'roll_6deg_1.0T.csv'", "'roll_6deg_1.0T.csv'\n    draft_factor: 0.9"))
+    assert {t.loading for t in one.trials} == {('draft_m', 0.15), ('draft_factor', 0.9)}
 
 
 @pytest.fixture

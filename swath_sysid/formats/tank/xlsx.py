@@ -54,6 +54,16 @@ def tables(path: str | Path) -> list[NamedColumns]:
     return [table for table in found if table is not None]
 
 
+def first_rows(path: str | Path) -> list[Row]:
+    """The first rows of all sheets."""
+    from openpyxl import load_workbook
+
+    book = load_workbook(path, read_only=True)
+    titles = [sheet.title for sheet in book.worksheets]
+    book.close()
+    return [row for title in titles for row in islice(_rows(path, title, (True,)), ROWS_OF_SAMPLE)]
+
+
 def _table(path: str | Path, title: str) -> NamedColumns | None:
     written = islice(_rows(path, title, (False,)), ROWS_OF_SAMPLE)
     books = (True, False) if any(map(_is_formula, chain.from_iterable(written))) else (True,)

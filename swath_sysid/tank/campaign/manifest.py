@@ -41,6 +41,8 @@ LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 
 #: Given beside a trial; the craft's own values hold at the design draft alone.
 OF_CONDITION = ('mass_kg', 'gm_m', 'inertia_kg_m2')
+#: Given beside a trial, or once for all of which nothing else is said.
+FOR_ALL = ('axis', 'columns', 'mounting_deg', 'speed_m_s', 'initial_angle_deg', *QUANTITIES, *OF_CONDITION)
 
 _NAME = schema.text(1000)
 _NUMBER = schema.number(-LARGEST, LARGEST)
@@ -175,6 +177,9 @@ _CAMPAIGN = schema.named(
         'axis': schema.one_of(AXES, 'axis'),
         'columns': _columns,
         'mounting_deg': _MOUNTING,
+        'speed_m_s': schema.number(0.0, LARGEST),
+        'initial_angle_deg': _NUMBER,
+        **dict.fromkeys((*QUANTITIES, *OF_CONDITION), _POSITIVE),
         'equations': schema.one_or_more(_equation),
         'objectives': schema.one_or_more(schema.one_of(OBJECTIVES, 'objective')),
         'search': schema.record(SearchSettings, **{each.name: _single for each in fields(SearchSettings)}),
@@ -200,7 +205,7 @@ def read_manifest(path: str | Path) -> Manifest:
     plain = _CAMPAIGN(content, str(path))
     faults: list[str] = []
     trials: list[TrialEntry] = []
-    usual = {key: plain[key] for key in ('axis', 'columns', 'mounting_deg') if key in plain}
+    usual = {key: plain[key] for key in FOR_ALL if key in plain}
     for place, entry in enumerate(entries, 1):
         try:
             trials += _trials_of(entry, f'trials, {place}', path.parent, usual, faults)
@@ -245,22 +250,26 @@ def _trials_of(entry: Any, where: str, folder: Path, usual: dict, faults: list[s
     if 'file' in given:
         name = given.pop('file')
         path = schema.built(lambda: existing(folder / name, f'{shown(name)}, relative to the manifest'), where)
-        return [_trial(path, usual | given, {}, where)]
+        return [_trial(path, usual, given, {}, where)]
     pattern, trials = given.pop('pattern'), []
     for path, matched in schema.built(lambda: _matches(pattern, folder), where):
         try:
-            trials.append(_trial(path, usual | given, matched, where))
+            trials.append(_trial(path, usual, given, matched, where))
         except InputError as error:
             faults.append(str(error))
     return trials
 
 
-def _trial(path: Path, given: dict, matched: dict, where: str) -> TrialEntry:
+def _trial(path: Path, usual: dict, given: dict, matched: dict, where: str) -> TrialEntry:
     twice = sorted(set(given) & set(matched) - {'axis'})
     if twice:
         raise InputError(f"{where}: '{twice[0]}' is given both by the pattern and beside it: leave one out")
-    columns, mounting = given.pop('columns', ()), given.pop('mounting_deg', None)
-    values = _TRIAL(given | matched, f'{where}, {path.name}')
+    own = given | matched
+    # one loading, in whatever quantity
+    named = {*own, *(QUANTITIES if set(QUANTITIES) & set(own) else ())}
+    own |= {key: value for key, value in usual.items() if key not in named}
+    columns, mounting = own.pop('columns', ()), own.pop('mounting_deg', None)
+    values = _TRIAL(own, f'{where}, {path.name}')
     loadings = [(quantity, values.pop(quantity)) for quantity in QUANTITIES if quantity in values]
     if len(loadings) > 1:
         raise InputError(f'{where}: give one of {", ".join(QUANTITIES)} for {path.name}, not {len(loadings)}')

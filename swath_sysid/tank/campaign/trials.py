@@ -22,8 +22,10 @@ from swath_sysid.formats.columns import UNKNOWN
 from swath_sysid.formats.reading import read_trial, source_hash
 from swath_sysid.tank.campaign.evaluation import Condition, Record
 from swath_sysid.tank.campaign.manifest import Craft, Manifest, TrialEntry, loading_in_words
+from swath_sysid.tank.campaign.title_block import said_above
 
 RESULT_FORMAT = 5  #: Raised when earlier results can no longer be used.
+SAME_DRAFT = 0.01  #: Relative difference of drafts that is none.
 ANGLE_STEP_DEG = 0.5  #: Resolution of an initial angle that is not given but taken from the decay.
 
 
@@ -38,6 +40,7 @@ class TrialOutcome:
     reason: str = ''
     advice: tuple[Advice, ...] = ()
     states_draft: bool = False  #: Whether the file does.
+    said_draft: float | None = None  #: m; as the file states it, or the lines above its table.
     release: int = 0  #: Number within a file of several; 0 in one of a single release.
 
     def left_out(self, reason: object) -> 'TrialOutcome':
@@ -75,7 +78,8 @@ def prepared_trials(manifest: Manifest) -> tuple[str, list[TrialOutcome]]:
     if not named and any(t.states_draft for t in trials) and manifest.craft.draft_m is None:
         quantity = 'draft_m'
         trials = [each for entry in manifest.trials for each in _prepared(entry, manifest, quantity)]
-    return quantity, _without_contradictions(_numbered(_without_copies(trials)), quantity)
+    used = _without_contradictions(_numbered(_without_copies(trials)), quantity)
+    return quantity, _with_several_drafts(used, quantity)
 
 
 def loading_of(entry: TrialEntry, trial: Trial, craft: Craft, quantity: str) -> float:
@@ -118,6 +122,8 @@ def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> list[Tria
             columns=dict(entry.columns),
         )
         refuse_contradictions(trial, entry.axis)
+        said = said_above(entry.path)[0].get('draft_m') if entry.path.is_file() else None
+        outcome = replace(outcome, states_draft=trial.draft is not None, said_draft=trial.draft or said)
         motion = trial.axis(entry.axis)
         decays = decays_or_absence(motion, entry.start, entry.end)
         if isinstance(decays, Advice):
@@ -128,7 +134,7 @@ def _prepared(entry: TrialEntry, manifest: Manifest, quantity: str) -> list[Tria
         for number, segment in enumerate(ordered, 1):
             is_single = len(ordered) == 1
             name = outcome.name if is_single else f'{outcome.name}, release {number}'
-            each = replace(outcome, name=name, release=0 if is_single else number, states_draft=trial.draft is not None)
+            each = replace(outcome, name=name, release=0 if is_single else number)
             if segment not in used:
                 short = f'its motion from {segment.start:.1f} to {segment.end:.1f} s ({segment.cycles:.1f} cycles)'
                 found.append(each.left_out(f'{short} is no release that can be fitted; start_s and end_s choose it'))
@@ -187,6 +193,25 @@ def _without_contradictions(trials: Sequence[TrialOutcome], quantity: str) -> li
             )
             reasons |= {str(pool[k][1]): reason for k in group}
     return [t.left_out(reasons[str(t.record)]) if str(t.record) in reasons else t for t in trials]
+
+
+def _with_several_drafts(trials: Sequence[TrialOutcome], quantity: str) -> list[TrialOutcome]:
+    """With advice where files of one loading state drafts that differ by more than `SAME_DRAFT`."""
+    drafts: dict[float, set[float]] = {}
+    for t in trials:
+        if t.record is not None and t.said_draft is not None:
+            drafts.setdefault(t.record.condition.loading, set()).add(t.said_draft)
+    found = {
+        loading: Advice.of('several-drafts', place=loading_in_words(quantity, loading), low=min(said), high=max(said))
+        for loading, said in drafts.items()
+        if max(said) > (1.0 + SAME_DRAFT) * min(said)
+    }
+    return [
+        replace(t, advice=(*t.advice, found[t.record.condition.loading]))
+        if t.record is not None and t.said_draft is not None and t.record.condition.loading in found
+        else t
+        for t in trials
+    ]
 
 
 def _names(files: Sequence[str]) -> str:

@@ -1,12 +1,14 @@
 """``swath-sysid campaign``: a whole trial matrix to tables, figures and a model that depends on the draft."""
 
 import logging
+import math
 import sys
 import time
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 
-from swath_sysid.cli.progress import print_result, progress_of
+from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
 from swath_sysid.report.pdf import browser, write_pdf
@@ -28,7 +30,7 @@ def run(arguments: Namespace) -> int:
     if arguments.new is not None:
         path = Path(Path(arguments.new) / MANIFEST if arguments.output is None else arguments.output)
         check_outputs([Output('--output', path)])
-        for line in write_new_manifest(arguments.new, path):
+        for line in write_new_manifest(arguments.new, path, arguments.mounting):
             print(f'warning: {line}', file=sys.stderr)
         print(f'{path}: check it, then run: swath-sysid campaign {path} --output FOLDER')
         return DONE
@@ -47,6 +49,11 @@ def _work_off(arguments: Namespace) -> int:
         browser()
     check_outputs([Output('--output', arguments.output, is_folder=True)], [arguments.manifest])
     manifest = read_manifest(arguments.manifest)
+    if arguments.mounting:
+        roll, pitch, yaw = map(math.degrees, arguments.mounting)
+        manifest = replace(
+            manifest, trials=tuple(replace(each, mounting_deg=(roll, pitch, yaw)) for each in manifest.trials)
+        )
     folder = Path(arguments.output)
     read = [arguments.manifest, *(trial.path for trial in manifest.trials)]
     refuse_inputs_among([folder / name for name in (*REPORTED, RESULTS)], read)
@@ -74,6 +81,7 @@ def _work_off(arguments: Namespace) -> int:
 
 def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_json: bool):
     left_out = left_out_of(outcome)
+    show_advice(dict.fromkeys(a for t in outcome.trials for a in t.advice if a.code == 'several-drafts'))
     for line in (*left_out, *outcome.failures):
         print(f'left out: {line}', file=sys.stderr)
     data = {
