@@ -1,12 +1,15 @@
 """The mounting of a sensor: stated by an argument, a flag, a parameter file or /tf_static; remembered, and missed."""
 
+from contextlib import nullcontext
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from swath_sysid.attitude.hull.identified_model import check_mounting
+from swath_sysid.attitude.hull.catalogue import hull_named
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel, check_mounting
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.motion.attitude import Installation, mounting_in
@@ -18,6 +21,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import ImuRecord, imu_values
 from swath_sysid.formats.identify_records import identify, write_model
 from swath_sysid.formats.messages import ImuMessage, frame_tree, header, make, serialised
+from swath_sysid.formats.model_file import model_to_yaml
 from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.formats.topics import IMU, TRANSFORMS
@@ -96,6 +100,19 @@ def test_a_model_remembers_its_mounting_and_is_rejected_with_another(tmp_path, c
         for verb in (('forecast',), ('identify', '--at-sea'), ('play-through', '--output', str(tmp_path / 'o.mcap'))):
             assert main([*verb, str(bag), '--model', model, *given]) == 2
             assert words in capsys.readouterr().err
+
+
+def test_the_predictor_rejects_a_model_of_another_mounting():
+    pytest.importorskip('rclpy')
+    from swath_sysid.nodes.predictor import Predictor
+
+    identified = IdentifiedModel.exactly(hull_named('swath-roll').model)
+    text = model_to_yaml({'roll': replace(identified, provenance={'mounting_deg': [15, -10, 90]})})
+    for mounting, is_rejected in ((None, True), (tuple(np.radians([15.0, -10.0, 90.0])), False)):
+        settings = SimpleNamespace(installation=Installation('flu', mounting))
+        node = SimpleNamespace(parameters=SimpleNamespace(settings=settings))
+        with pytest.raises(InputError, match='mounted at 15,-10,90 deg') if is_rejected else nullcontext():
+            assert set(Predictor._models_in(node, text)[0]) == {'roll'}
 
 
 def test_a_tilt_and_an_unstated_mounting_are_reported_with_the_flag_that_sets_it(tmp_path, capsys):

@@ -17,7 +17,6 @@ from std_srvs.srv import Trigger
 from swath_sysid import __version__
 from swath_sysid.attitude.identification.live_decays import MOST_DECAYS
 from swath_sysid.attitude.identification.refit import Refitter, refit, warm_up
-from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import coefficients_message, window_table
@@ -37,21 +36,13 @@ class WindowClient:
     window that `fetch` did not ask for.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        service: str,
-        health: IdentifierHealth,
-        on_window: Callable[[MotionTable], None],
-        installation: Installation,
-    ):
+    def __init__(self, node: Node, service: str, health: IdentifierHealth, on_window: Callable[[MotionTable], None]):
         self.newest: MotionTable | None = None
         self._refused = ''  # why the last window was, if it was
         self._log = EachOnce(node.get_logger().error)
         self._node = node
         self._health = health
         self._on_window = on_window
-        self._installation = installation
         self._awaited: Future | None = None
         self._client = node.create_client(Trigger, service)
         watched_subscription(node, PointCloud2, 'motion/window', self._receive, LATCHED, health)
@@ -78,7 +69,7 @@ class WindowClient:
 
     def _receive(self, message: Any) -> None:
         try:
-            self.newest, self._refused = replace(window_table(message), installation=self._installation), ''
+            self.newest, self._refused = window_table(message), ''
         except InputError as error:
             self._health.note('bad-window')
             self._refused = str(error)
@@ -108,8 +99,7 @@ class Identifier(IdentificationNode):
         self._coefficients = watched_publisher(self, Float64MultiArray, COEFFICIENTS_TOPIC, LATCHED, self.health)
         self.refitter = Refitter(self.parameters.settings, self.file.read() or {}, self.file.history())
         self._noticed: deque[MotionTable] = deque(maxlen=MOST_DECAYS)  #: With a decay that has not been fitted yet.
-        mount = installation({'mounting_deg': self.parameters['mounting_deg']})
-        self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window, mount)
+        self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window)
         self.serve(warm_up, self._refit_fresh, self._publish_models, self._further, self._refit_noticed, self._give_up)
         forward = partial(self.replaced, self.refitter.undo_rollback, 'there is no rollback to undo')
         self.create_service(Trigger, '~/undo_rollback', forward, qos_profile=SERVICES)
@@ -148,7 +138,10 @@ class Identifier(IdentificationNode):
     async def _refit(self, is_asked: bool, *fresh: MotionTable) -> Answer:
         origin = {'source': {'topic': WINDOW_TOPIC}, 'software': f'swath_sysid {__version__}'}
         self.refitter.settings = self.parameters.settings
-        request = self.refitter.request(*self._noticed, *fresh, is_asked=is_asked, **origin)
+        # a window has the axes of the craft, and does not tell the sensor's
+        mount = installation({'mounting_deg': self.parameters['mounting_deg']})
+        tables = [replace(each, installation=mount) for each in (*self._noticed, *fresh)]
+        request = self.refitter.request(*tables, is_asked=is_asked, **origin)
         self._noticed.clear()
         return await self.refit(refit, request)
 
