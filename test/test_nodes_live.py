@@ -172,7 +172,8 @@ def test_a_changed_craft_is_followed_and_rollback_leads_back(identified):
     assert period_in(f'{path}.1') == pytest.approx(3.1, rel=0.02)
     wait_for(lambda: bench.heard['model/description'][-1].data == before[0].data, 'model before')
     assert read_model(path) == model_from_yaml(before[0].data)
-    assert bench.call('identifier/undo_rollback').success
+    answer = bench.call('identifier/undo_rollback')
+    assert answer.success and answer.message.startswith('the rollback is undone: again pitch ')
     assert period_in(path) == pytest.approx(3.1, rel=0.02)
     assert bench.call('identifier/rollback').success
     assert bench.set_parameters('identifier', auto_identify=True) == []

@@ -216,6 +216,15 @@ def test_after_a_restart_at_sea_the_known_model_is_named_and_no_fault(identified
     assert 'known model: 2.6' in guidance.cure
 
 
+def test_a_rollback_and_one_that_is_undone_list_each_model_once(identified):
+    record, (model,) = TankSide().record, identified.record.models.values()
+    later = replace(model, metrics={**model.metrics, 'r2': 0.5})
+    for published in (model, later, model, later):
+        record.set_models({'pitch': published})
+        assert record.models_before['pitch'][-1] == published
+    assert len(record.models_before['pitch']) == 2
+
+
 def test_a_clock_that_is_set_back_begins_anew():
     tank = TankSide()
     tank.send(REST_S)

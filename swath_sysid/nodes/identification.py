@@ -58,7 +58,7 @@ class IdentificationNode(Node):
         # an async service holds its group while it waits: in the node's own it would lock out all else
         waiting: dict[str, Any] = {'callback_group': ReentrantCallbackGroup(), 'qos_profile': SERVICES}
         self.create_service(Trigger, '~/identify', self._on_identify, **waiting)
-        back = partial(self.replaced, self.refitter.rollback, 'there is no model before this one')
+        back = partial(self.replaced, 'back to', self.refitter.rollback, 'there is no model before this one')
         self.create_service(Trigger, '~/rollback', back, qos_profile=SERVICES)
         self.create_service(Trigger, '~/cancel', self._on_cancel, **waiting)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
@@ -129,11 +129,11 @@ class IdentificationNode(Node):
         return response
 
     def replaced(
-        self, change: Callable[[], bool], refusal: str, _: Trigger.Request, response: Trigger.Response
+        self, done: str, change: Callable[[], bool], refusal: str, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
         """Publish the models after a change of the refitter, or answer why there was none."""
         response.success, response.message = False, refusal if self._ended is None else BUSY
         if self._ended is None and change():
             remark = f'{counted(self.refitter.steps_back, "earlier model")} kept{self.file.keep(self._publish())}'
-            response.success, response.message = True, f'back to {self.refitter.described}; {remark}'
+            response.success, response.message = True, f'{done} {self.refitter.described}; {remark}'
         return response

@@ -101,7 +101,8 @@ class Identifier(IdentificationNode):
         self._noticed: deque[MotionTable] = deque(maxlen=MOST_DECAYS)  #: With a decay that has not been fitted yet.
         self._windows = WindowClient(self, self.parameters['window_service'], self.health, self._on_window)
         self.serve(warm_up, self._refit_fresh, self._publish_models, self._further, self._refit_noticed, self._give_up)
-        forward = partial(self.replaced, self.refitter.undo_rollback, 'there is no rollback to undo')
+        undone = 'the rollback is undone: again', self.refitter.undo_rollback, 'there is no rollback to undo'
+        forward = partial(self.replaced, *undone)
         self.create_service(Trigger, '~/undo_rollback', forward, qos_profile=SERVICES)
         if self.refitter.models:
             self._publish_models()

@@ -162,7 +162,11 @@ class LiveRecord:
             before = self.models_before.setdefault(axis, deque(maxlen=MOST_DECAYS))
             if axis not in models:
                 before.clear()
-            elif not before or before[-1] != models[axis]:
+            elif models[axis] in before:
+                # a rollback, or one that was undone
+                before.remove(models[axis])
+                before.append(models[axis])
+            else:
                 before.append(models[axis])
                 self._model_came[axis] = self.stamp
                 self._credit(axis)

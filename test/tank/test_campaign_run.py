@@ -101,7 +101,7 @@ def tables_of(outcome):
 def done(trials, tmp_path_factory):
     output = tmp_path_factory.mktemp('done')
     outcome = work_off(trials, output)
-    write_report(outcome, output, 1.0)
+    write_report(outcome, output)
     return outcome, output
 
 
@@ -478,7 +478,7 @@ def at_two_speeds(tmp_path_factory):
         write_csv(folder / f'pitch_6deg_{factor}T_{speed}ms_repeat{repeat}.csv', made)
     (folder / 'campaign.yaml').write_text(TANK)
     outcome = work_off(folder, folder / 'out')
-    write_report(outcome, folder / 'out', 1.0)
+    write_report(outcome, folder / 'out')
     return outcome, folder / 'out'
 
 

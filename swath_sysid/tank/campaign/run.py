@@ -67,7 +67,6 @@ class CampaignOutcome:
     failures: tuple[str, ...]  #: Tasks that failed, with their reason.
     computed: int  #: Tasks done now.
     kept: int  #: Tasks known from before.
-    cpu_s: float  #: Processor time of all tasks, also of those kept.
 
 
 def run_campaign(
@@ -98,7 +97,6 @@ def run_campaign(
         tuple(work.failures),
         work.computed,
         work.kept,
-        work.cpu_s,
     )
 
 

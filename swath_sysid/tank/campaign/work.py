@@ -8,7 +8,6 @@ import hashlib
 import json
 import queue
 import shutil
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -139,12 +138,6 @@ class Progress:
     running: tuple[str, ...]
 
 
-def _timed(function: Callable, arguments: tuple) -> tuple[Any, float]:
-    """Result, plain data, and the processor time that it took, s; runs in the worker."""
-    began = time.process_time()
-    return function(*arguments), time.process_time() - began
-
-
 class Work:
     """Gets results of tasks: from the store, or by the executor and then into the store."""
 
@@ -154,7 +147,6 @@ class Work:
         self._store, self._executor, self._on_progress = store, executor, on_progress
         self._done = self.total = 0
         self.computed = self.kept = 0
-        self.cpu_s = 0.0
         self.failures: list[str] = []
 
     def results(self, tasks: Sequence[Task]) -> dict[str, Any]:
@@ -166,12 +158,12 @@ class Work:
             kept = self._store.get(task.key)
             if kept is not None:
                 found[task.key] = kept['result']
-                self._count(kept['cpu_s'])
+                self._done += 1
                 self.kept += 1
         try:
             for task in tasks:
                 if task.key not in found:
-                    future = self._executor.submit(_timed, task.function, task.arguments)
+                    future = self._executor.submit(task.function, *task.arguments)
                     if future.done():
                         self._finish(future, task, found)
                     else:
@@ -201,7 +193,7 @@ class Work:
     def _finish(self, future: concurrent.futures.Future, task: Task, found: dict[str, Any]) -> None:
         fatal: tuple[type[BaseException], ...] = (BrokenProcessPool, *connection_losses())
         try:
-            result, cpu_s = future.result()
+            result = future.result()
         except fatal:
             raise
         except InputError as error:
@@ -209,19 +201,15 @@ class Work:
         except Exception as error:  # noqa: BLE001 - one failed fit must not stop the others; its reason is reported
             self._fail(task, f'{type(error).__name__}: {error}')
         else:
-            self._store.put(task.key, {'label': task.label, 'cpu_s': cpu_s, 'result': result})
+            self._store.put(task.key, {'label': task.label, 'result': result})
             # read back, so that a result is the same whether it was computed now or before
             found[task.key] = self._store.get(task.key)['result']
-            self._count(cpu_s)
+            self._done += 1
             self.computed += 1
 
     def _fail(self, task: Task, reason: str) -> None:
         self.failures.append(f'{task.label}: {reason}')
-        self._count(0.0)
-
-    def _count(self, cpu_s: float) -> None:
         self._done += 1
-        self.cpu_s += cpu_s
 
     def _say(self, pending: dict[concurrent.futures.Future, Task]) -> None:
         with interrupts_held():

@@ -70,7 +70,7 @@ def _work_off(arguments: Namespace) -> int:
         outcome = run_campaign(
             manifest, store, executor, lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2]))
         )
-    report = write_report(outcome, arguments.output, time.perf_counter() - began)
+    report = write_report(outcome, arguments.output)
     if arguments.pdf:
         write_pdf(report, report.with_suffix('.pdf'))
         report = report.with_suffix('.pdf')

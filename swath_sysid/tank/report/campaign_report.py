@@ -192,8 +192,8 @@ TABLES, FIGURES = 'tables', 'figures'
 REPORTED = (PAGE, MODEL, TABLES, FIGURES)  #: What a report writes into its folder.
 
 
-def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) -> Path:
-    """Write page, tables, figures and models of a campaign, which took ``wall_s``, into a folder; returns the page."""
+def write_report(outcome: CampaignOutcome, folder: str | Path) -> Path:
+    """Write page, tables, figures and models of a campaign into a folder; returns the page."""
     folder = Path(folder)
     try:
         for name in (TABLES, FIGURES):
@@ -220,7 +220,7 @@ def write_report(outcome: CampaignOutcome, folder: str | Path, wall_s: float) ->
     sections += [
         ('trials', 'Trials', [table_as_html(campaign_tables.trials_table(outcome))]),
         ('warnings', 'Warnings', _warnings(outcome)),
-        ('made', 'How this was made', _how_made(outcome, wall_s)),
+        ('made', 'How this was made', _how_made(outcome)),
     ]
     for table in every_table(outcome):
         write_text(folder / TABLES / f'{table.name}.csv', table_as_csv(table))
@@ -346,16 +346,12 @@ def _warnings(outcome: CampaignOutcome):
     return [bullets(lines) or paragraph('None.')]
 
 
-def _how_made(outcome: CampaignOutcome, wall_s: float):
+def _how_made(outcome: CampaignOutcome):
     search = outcome.manifest.search
     lines = [
         f'swath_sysid {__version__}, numpy {np.__version__}, scipy {scipy.__version__}, matplotlib '
         f'{matplotlib.__version__}.',
-        f'Search {search.algorithm}, preset {search.preset or "none"}, generations '
-        f'{search.generations or "as usual"}, population '
-        f'{search.population or "as usual"}, seed {search.seed}; objectives {", ".join(outcome.manifest.objectives)}.',
-        f'This run took {wall_s:.1f} s for {outcome.computed} tasks; {outcome.kept} were known from before. All '
-        f'tasks together took {outcome.cpu_s:.1f} s of processor time.',
+        f'Search {search.algorithm}, seed {search.seed}; objectives {", ".join(outcome.manifest.objectives)}.',
         'The hashes of the trials are in the table of trials; the complete numbers are in the folder tables, the '
         'figures in figures, '
         'the model in model.yaml, that of each further speed in a file of its own.',
