@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from repository import ROOT
 from scipy.integrate import quad
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 from scipy.stats import multivariate_normal, norm
 
 from swath_sysid.attitude.hull.catalogue import (
@@ -59,6 +59,8 @@ from swath_sysid.formats.reading import read_trial
 from swath_sysid.report.fit_summary import fit_as_data, fit_in_words
 
 HULL = PUBLISHED_HULLS['swath-pitch'].model
+#: An equation, the band of a low-pass over the natural frequency, and how far off that may leave the period.
+SMOOTHED = ('auto', 4.0, 0.002), ('b1,b2|r1,r3', 2.0, 0.005)
 
 
 def decay(seed=1, model=HULL, angle_deg=6.0, duration=15.0, **options):
@@ -171,6 +173,26 @@ def test_an_angle_that_a_first_order_filter_delays_is_unfiltered(scale, sign):
     assert found.verdict.level == ADEQUATE and found.verdict.motion_error < 0.05
     assert found.model.natural_period == pytest.approx(hull.natural_period, rel=0.003)
     assert found.damping_ratio == pytest.approx(identify([motion]).damping_ratio, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ('equation', 'band', 'off'),
+    [('auto', 2.0, 0.005), *(pytest.param(*each, marks=pytest.mark.long) for each in SMOOTHED)],
+)
+def test_sensors_that_smooth_angle_and_rate_alike_leave_the_hull(equation, band, off):
+    natural, damping_ratio = 2.0 * np.pi / 1.6, 0.03
+    time = np.arange(0.0, 18.0, 0.01)
+    since, damped = np.maximum(time - 2.0, 0.0), natural * np.sqrt(1.0 - damping_ratio**2)
+    envelope = 0.15 * np.exp(-damping_ratio * natural * since)
+    angle = envelope * (np.cos(damped * since) + damping_ratio * natural / damped * np.sin(damped * since))
+    rate = -envelope * natural**2 / damped * np.sin(damped * since)
+    filter_of = butter(2, band / 1.6 / 50.0)
+    noise = np.random.default_rng(1).normal(size=(2, time.size)) * [[1e-4], [3e-4]]
+    angle, rate = noise + [lfilter(*filter_of, np.r_[np.full(400, v[0]), v])[400:] for v in (angle, rate)]
+    found = identify([AxisMotion('roll', time, angle, rate)], IdentificationSettings(equation))
+    assert found.model.natural_period == pytest.approx(1.6, rel=off)
+    assert found.damping_ratio == pytest.approx(damping_ratio, rel=0.03)
+    assert found.r2 > 0.99 and found.verdict.level != REJECTED
 
 
 @pytest.mark.long

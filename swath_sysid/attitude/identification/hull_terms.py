@@ -30,6 +30,9 @@ CHANCE = 0.001  #: Probability that a likelihood ratio calls a complete equation
 #: Looked for where an equation lacks them; linear restoring may be a sine's.
 SMOOTH_TERMS = tuple(name for name in GENERAL_HULL.terms if name not in LINEAR_RESTORING)
 WITH_FRICTION = composed(('b0', *GENERAL_HULL.terms))
+#: A hull explains a decay if its own motion leaves at most so many times what least squares leaves, and this part of
+#: the motion. Three cycles in waves of 6 % leave 2.8 times as much.
+TIMES_LEAST, PART_OF_MOTION = 3.0, 0.02
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,28 @@ def suits_likelihood(problem: Problem) -> bool:
     An angle alone mostly comes filtered or rounded, from optical tracking, and is trusted far beyond what it is worth.
     """
     return all(m.angle is not None and m.rate is not None for m in problem.motions)
+
+
+def explaining(
+    problem: Problem,
+    likelihood: BasinLikelihood,
+    optima: Sequence[Evaluation],
+    ratios: np.ndarray,
+    states: Sequence[InitialState],
+) -> list[Evaluation]:
+    """Those optima whose hull alone explains the decays about as well as least-squares ratios (9,) and states. In the
+    others the basin's moment drives the motion: sensors that smooth angle and rate alike make those likely.
+    """
+    fit = motion_fit(problem, likelihood.equation)
+
+    def left(parameters: np.ndarray | None):
+        if parameters is None:
+            return np.inf
+        return float(np.sqrt(np.mean(np.concatenate(fit.residuals_and_jacobian(parameters)[0]) ** 2)))
+
+    motion = float(np.sqrt(np.mean([np.var(channel) for channel in problem.weighted])))
+    most = TIMES_LEAST * left(fit.settled(ratios, states)) + PART_OF_MOTION * motion
+    return [each for each in optima if left(fit.settled(likelihood.unpack(each.z)[0], states)) <= most]
 
 
 class ResidualPosterior(LogPosterior):
@@ -127,10 +152,11 @@ def basin_fit(
     problem: Problem, equation: Equation, ratios: np.ndarray, states: Sequence[InitialState]
 ) -> BasinFit | AbsentTerm | None:
     """The likelihood's optimum, started from ratios (9,) and states, or the smooth term whose absence it shows. None
-    where the motion diverges.
+    where the motion diverges, or the basin drives it in every optimum.
     """
     likelihood, added = BasinLikelihood(problem, equation), lacking(equation, SMOOTH_TERMS)
-    optima, absent = likelihood.minimise(likelihood.starts(ratios, states)), None
+    found, absent = likelihood.minimise(likelihood.starts(ratios, states)), None
+    optima = explaining(problem, likelihood, found, ratios, states)
     if optima and added:
         richer = BasinLikelihood(problem, _with_terms(equation, added))
         own = np.ones(optima[0].z.size + len(added), dtype=bool)
@@ -171,7 +197,8 @@ def pruned_hull(problem: Problem, ratios: np.ndarray, states: Sequence[InitialSt
 
 def _by_basin(problem: Problem, ratios: np.ndarray, states: Sequence[InitialState]):
     """With dry friction among the terms where it raises the evidence of least squares; what has none is smooth for
-    whoever uses the posterior. None where the likelihood's motion, unlike the filter's, runs away.
+    whoever uses the posterior. None where the likelihood's motion, unlike the filter's, runs away, or the basin drives
+    it.
     """
     fit = motion_fit(problem, WITH_FRICTION)
     posterior, complete = residual_posterior(problem, WITH_FRICTION, fit.pack(ratios, states))
@@ -189,14 +216,15 @@ def _by_basin(problem: Problem, ratios: np.ndarray, states: Sequence[InitialStat
 def _pruned_in_basin(problem: Problem, general: Equation, hulls: Sequence[np.ndarray], states: Sequence[InitialState]):
     """A general hull pruned by the likelihood, started from hulls (9,) each."""
     likelihood = BasinLikelihood(problem, general, weak_prior(general, problem.decayed_to))
-    optima = likelihood.minimise([start for ratios in hulls for start in likelihood.starts(ratios, states)])
+    found = likelihood.minimise([start for ratios in hulls for start in likelihood.starts(ratios, states)])
+    optima = explaining(problem, likelihood, found, hulls[-1], states)
     if not optima:
         return None
     pruned = prune(likelihood, optima[0])
     equation = _kept(general, pruned.kept)
     left, _, _ = likelihood.unpack(pruned.optimum.z)
     parameters = motion_fit(problem, equation).settled(left, states)
-    if parameters is None:
+    if parameters is None or not explaining(problem, likelihood, [pruned.optimum], hulls[-1], states):
         return None
     every = likelihood.described(likelihood.minimise([*(each.z for each in optima), pruned.optimum.z]))
     posterior = HullPosterior(general, every.ratios[general.indices], every.covariance)
