@@ -417,11 +417,40 @@ def test_a_wave_group_in_a_record_of_a_minute_is_no_decay(scale):
 
 @pytest.mark.parametrize(('resting', 'number'), [(0.2, 0), (0.32, 1)])
 def test_a_pushed_craft_rests_for_a_quarter_of_the_time_around_its_decay(resting, number):
-    time = np.arange(0.0, 92.0, 1 / RATE_HZ)
+    # three periods: more half-cycles and a rest after them would tell the decay by themselves
+    time = np.arange(0.0, 86.0, 1 / RATE_HZ)
     natural, since = 2 * np.pi / PERIOD, np.maximum(time - 80.0, 0.0)
     pushed = 0.06 * np.exp(-0.1 * natural * since) * np.sin(natural * since)
     waves = 0.012 * np.sin(natural * time) * (time < 80.0 * (1.0 - resting))
     assert len(find_decays(motion_of(time, pushed + waves))) == number
+
+
+@pytest.mark.parametrize(('damping_ratio', 'cycles'), [(0.05, 15.0), (0.012, 12.0)], ids=['died-out', 'cut'])
+@pytest.mark.parametrize('pace', [0.1, 1.0])
+def test_a_craft_that_is_rocked_from_the_first_sample_and_let_go(damping_ratio, cycles, pace):
+    """Rocked at its natural period, which ends without a hold, with the growing motion of a resonance."""
+    natural = 2 * np.pi / PERIOD
+    time = np.arange(0.0, (3.0 + cycles) * PERIOD, 1 / RATE_HZ)
+    let_go = 3.0 * PERIOD
+    rocked = 0.12 * np.minimum(time, let_go) / let_go * np.cos(natural * time)
+    angle = rocked * np.exp(-damping_ratio * natural * np.maximum(time - let_go, 0.0))
+    noisy = angle + 1e-4 * np.random.default_rng(3).normal(size=time.size)
+    decay = max(find_decays(AxisMotion('roll', time * pace, noisy, None)), key=lambda each: each.duration)
+    assert abs(decay.start - let_go * pace) < 1.6 * PERIOD * pace and decay.cycles > 8.0
+    assert decay.period == pytest.approx(PERIOD * pace, rel=0.01)
+
+
+def test_what_the_user_calls_a_decay_is_no_waves_and_slow_noise_breaks_none():
+    """Half-cycles that shrink by less than the noise of a trim that wanders, in a record that shows nothing else."""
+    random, whole = np.random.default_rng(0), 0
+    time = np.arange(0.0, 14.0 * PERIOD, 1 / RATE_HZ)
+    for _ in range(4):
+        wander = np.interp(time, 0.5 * PERIOD * np.arange(29), random.normal(0.0, 0.003, 29))
+        found = find_decays(AxisMotion('roll', time, released(time, 0.2, 0.006)[0] + wander, None))
+        whole += bool(found and found[0].cycles > 12.0)
+    assert whole >= 3
+    waves = sea(3)
+    assert find_decays(waves) == () and decays_or_absence(waves, is_decay=True)[0].cycles > 0.8
 
 
 def test_absence_says_what_was_seen_and_what_to_do():

@@ -118,7 +118,7 @@ def _problem_of(arguments: Namespace, motions: Sequence[AxisMotion]) -> Problem 
     # bounds or an equation imply a decay
     given = (arguments.start, arguments.end, arguments.equation)
     if arguments.decay or given != (None, None, None):
-        return prepare(motions, arguments.start, arguments.end)
+        return prepare(motions, arguments.start, arguments.end, arguments.decay)
     return decays_or_waves(motions)
 
 

@@ -91,12 +91,15 @@ class Problem:
         return tuple(m.between(None, m.time[0] + limit) for m in self.motions)
 
 
-def prepare(motions: Sequence[AxisMotion], start: float | None = None, end: float | None = None) -> Problem:
-    """Find the free decays of one axis, unless bounded by ``start`` and ``end``, s, and first estimates. Raises
-    `InputError` without a record, with different axes, or without a free decay in a record.
+def prepare(
+    motions: Sequence[AxisMotion], start: float | None = None, end: float | None = None, is_decay: bool = False
+) -> Problem:
+    """Find the free decays of one axis, unless bounded by ``start`` and ``end``, s, and first estimates. With
+    ``is_decay`` no oscillation that shrinks is taken for waves. Raises `InputError` without a record, with different
+    axes, or without a free decay in a record.
     """
     motions = [aligned(m) for m in motions]
-    return _joint_problem(motions, [decays_or_absence(m, start, end) for m in motions])
+    return _joint_problem(motions, [decays_or_absence(m, start, end, is_decay) for m in motions])
 
 
 def decays_or_waves(motions: Sequence[AxisMotion]) -> Problem | None:

@@ -40,9 +40,12 @@ REST_BAND = 0.07
 RESTING_SHARE = 0.25  #: Of the time around a decay; waves leave no craft at rest for so long.
 MIN_HALF_CYCLES = 3  #: Three show two losses and one rhythm; fewer are those of a heavily damped hull.
 HALF_CYCLES_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of rest.
+#: Half-cycles that tell a decay from waves however it began: in a record with nothing else, and amid other motion. As
+#: many as prove a period of rest do if the craft rests for so many periods after them.
+EVIDENT, EVIDENT_AMID_MOTION, RESTS = 12, 18, 2.0
 #: Part of the first double amplitude by which the others of a released craft may be out of order where slow noise, as
-#: of an attitude filter, hides that they shrink.
-IRREGULAR = 0.05
+#: of an attitude filter, hides that they shrink, and by which those of a decay that fills its record may.
+IRREGULAR, SLOW_NOISE = 0.05, 0.02
 
 
 @dataclass(frozen=True)
@@ -251,6 +254,11 @@ class DecayCandidate:
         held = self.reach(0.5 + step)[begin + margin : end - margin + 1]
         return bool(self.stillness > 0.0 or self.was_dropped or np.any(held <= 2.0 * REST_BAND))
 
+    def is_evident(self, half_cycles: int) -> bool:
+        """Whether it has so many half-cycles, or fewer after which the craft rests."""
+        size = self.double_amplitudes.size
+        return size >= half_cycles or (size >= HALF_CYCLES_FOR_REST and self.rest >= RESTS)
+
     @cached_property
     def evidence(self) -> float:
         """How much it looks like a release, in periods of rest: below one it is none."""
@@ -269,12 +277,15 @@ def are_decays(candidates: Sequence[DecayCandidate], others: Sequence[DecayCandi
 
 
 def stands_out(candidate: DecayCandidate, decays: Sequence[DecayCandidate]) -> bool:
-    """Whether a decay is more than a group of waves: the craft rests for a part of the time that is apart from all
-    decays, or it was held still before this one, which is evidence enough without any rest.
+    """Whether a decay is more than a group of waves: by its own half-cycles, or because the craft rests for a part of
+    the time that is apart from all decays, or because it was held still before this one, which is evidence enough
+    without any rest.
     """
+    if candidate.is_evident(EVIDENT_AMID_MOTION):
+        return True
+    if fill_record(decays, candidate):
+        return candidate.is_evident(EVIDENT) or not candidate.hold or candidate.was_held_still
     around = candidate.reach(1.0)[_apart_from(decays, candidate.signal)]
-    if around.size * candidate.signal.interval < candidate.period:
-        return not candidate.hold or candidate.was_held_still
     noise = candidate.signal.prominence / candidate.double_amplitudes[0]
     rests = float(np.quantile(around, RESTING_SHARE)) - noise
     if rests < REST_BAND:
@@ -282,6 +293,12 @@ def stands_out(candidate: DecayCandidate, decays: Sequence[DecayCandidate]) -> b
     is_long = candidate.double_amplitudes.size > MIN_HALF_CYCLES and candidate.evidence - candidate.rest >= 1.0
     # a hand that holds a craft moves it a little
     return (is_long or rests < 2.0 * REST_BAND) and candidate.was_held_still
+
+
+def fill_record(decays: Sequence[DecayCandidate], candidate: DecayCandidate) -> bool:
+    """Whether the record of a candidate shows less than one of its periods apart from all decays."""
+    apart = np.count_nonzero(_apart_from(decays, candidate.signal))
+    return bool(apart * candidate.signal.interval < candidate.period)
 
 
 def _apart_from(decays: Sequence[DecayCandidate], signal: EvenSignal) -> np.ndarray:

@@ -18,8 +18,10 @@ from swath_sysid.attitude.motion.decay_candidates import (
     HOLD_BAND,
     IRREGULAR,
     MIN_HALF_CYCLES,
+    SLOW_NOISE,
     DecayCandidate,
     are_decays,
+    fill_record,
     find_candidates,
     last_crossing,
     stands_out,
@@ -92,9 +94,9 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     decays = [decay for levels in grids for decay in _decays_among(_sizable_candidates(levels))]
     if not decays:
         for levels in map(turning_points.steadied, grids, pieces):
-            long = _sizable_candidates(levels, HALF_CYCLES_FOR_REST, IRREGULAR)
-            # those that begin with a hold
-            decays += _decays_among([each for each in long if each.hold])
+            held, long = (_sizable_candidates(levels, HALF_CYCLES_FOR_REST, part) for part in (IRREGULAR, SLOW_NOISE))
+            decays += _decays_among([each for each in held if each.hold])
+            decays += [] if decays else _decays_among([each for each in long if fill_record([each], each)])
     segments = [_segment_of(_without_the_push(candidate, decays), motion) for candidate in _apart(decays)]
     return tuple(_until_the_next(each, segments) for each in segments)
 
@@ -115,15 +117,17 @@ def _until_the_next(segment: DecaySegment, others: Sequence[DecaySegment]) -> De
 
 
 def decays_or_absence(
-    motion: AxisMotion, start: float | None = None, end: float | None = None
+    motion: AxisMotion, start: float | None = None, end: float | None = None, is_decay: bool = False
 ) -> tuple[DecaySegment, ...] | Advice:
-    """`find_decays`, or the one between the bounds; the answer of `explain_absence` where nothing decays freely."""
+    """`find_decays`, or the one between the bounds; the answer of `explain_absence` where nothing decays freely. With
+    ``is_decay``, as with a bound, what decays is no waves.
+    """
     inside = _between(motion, start, end)
     if start is not None and end is not None:
         return (_measured(inside, float(start), float(end)),)
     decays = find_decays(inside)
-    if not decays and (start is not None or end is not None):
-        decays = _within_a_bound(inside)
+    if not decays and (is_decay or start is not None or end is not None):
+        decays = _known_to_decay(inside)
     if not decays:
         return explain_absence(inside)
     if start is not None:
@@ -432,14 +436,14 @@ def _period_of_relaxation(signal: EvenSignal, centre: float) -> float:
     return signal.interval * max((far[-1] - far[0] + 1) / 0.62, 2.0)
 
 
-def _within_a_bound(motion: AxisMotion) -> tuple[DecaySegment, ...]:
-    """The large candidates, accepted as free decays because the user gave a bound."""
-    candidates = [
-        candidate
-        for piece in turning_points.split_at_pauses(motion)
-        for candidate in find_candidates(turned_signals(turning_points.pyramid(turning_points.even_signal(piece))))
-        if candidate.is_suited and candidate.double_amplitudes.size >= 2
-    ]
+def _known_to_decay(motion: AxisMotion) -> tuple[DecaySegment, ...]:
+    """The large candidates, accepted as free decays because a bound was given, or the record is said to hold one."""
+    candidates = []
+    for piece in turning_points.split_at_pauses(motion):
+        levels = list(turning_points.pyramid(turning_points.even_signal(piece)))
+        found = find_candidates(turned_signals(levels))
+        found += find_candidates(turned_signals(turning_points.steadied(levels, piece)), irregular=IRREGULAR)
+        candidates += [each for each in found if each.is_suited and each.double_amplitudes.size >= 2]
     largest = max((candidate.double_amplitudes[0] for candidate in candidates), default=0.0)
     large = [candidate for candidate in candidates if candidate.double_amplitudes[0] >= 0.5 * largest]
     return tuple(_segment_of(candidate, motion) for candidate in _apart(large))
