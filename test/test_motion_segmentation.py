@@ -13,6 +13,7 @@ from repository import ROOT
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SensorNoise, SimulatedCraft, simulated_trial
 from swath_sysid.attitude.hull.decay_model import DecayModel
+from swath_sysid.attitude.identification.problem import to_be_fitted
 from swath_sysid.attitude.motion.decay_candidates import bridged_half_cycles
 from swath_sysid.attitude.motion.quality import check_decay, check_motion, clipped_extremes, without_spikes
 from swath_sysid.attitude.motion.segmentation import (
@@ -451,6 +452,17 @@ def test_what_the_user_calls_a_decay_is_no_waves_and_slow_noise_breaks_none():
     assert whole >= 3
     waves = sea(3)
     assert find_decays(waves) == () and decays_or_absence(waves, is_decay=True)[0].cycles > 0.8
+
+
+def test_a_boat_that_tacks_is_not_released_and_unlike_releases_are_not_fitted_together():
+    motion = held_then_released(2, 0.03)
+    (decay,) = find_decays(motion)
+    for turned, biased, number in ((80.0, 0.0, 0), (-80.0, 0.3, 0), (0.0, 0.5, 1), (4.0, -0.5, 1)):
+        heading = 0.5 * turned * np.tanh((motion.time - decay.start) / PERIOD) + biased * motion.time
+        with_heading = replace(motion, heading=np.column_stack([motion.time, np.radians(heading)]))
+        assert len(find_decays(with_heading)) == number, (turned, biased)
+    quick, soft = (replace(decay, start=90.0, end=99.0, period=ratio * PERIOD) for ratio in (0.3, 1.2))
+    assert to_be_fitted((decay, quick)) == (decay,) and to_be_fitted((decay, soft)) == (decay, soft)
 
 
 def test_absence_says_what_was_seen_and_what_to_do():

@@ -232,9 +232,9 @@ def prior_of(identified: IdentifiedModel, motion: AxisMotion) -> HullPrior:
 
 def turns_of(trial: Trial) -> tuple[float, ...]:
     """Times, s, at which a craft took another heading, by its yaw rate, which may have a bias."""
-    if trial.yaw_rate is None:
+    if trial.heading is None:
         return ()
-    heading = np.cumsum(np.nan_to_num(trial.yaw_rate) * np.gradient(trial.time))
+    heading = trial.heading[:, 1]
     places = np.linspace(0, trial.time.size - 1, min(trial.time.size, 1000)).astype(int)
     turns: list[float] = []
     for turn in _turns(trial.time[places], heading[places]):

@@ -12,7 +12,7 @@ from swath_sysid.attitude.identification.motion_fit import InitialState, MotionF
 from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND, REST_BAND
 from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay, without_spikes
 from swath_sysid.attitude.motion.rate_comparison import aligned
-from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, DecaySegment, decays_or_absence
+from swath_sysid.attitude.motion.segmentation import ASYMMETRY, FORCED_MOTION, DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import CONFIDENCE
@@ -26,6 +26,8 @@ AVERAGED = 400
 LONGEST_AFTERMATH = 10.0  #: Periods after a decay that are used.
 
 FIRST_LOOK_PERIODS = 0.12  #: Share of a period that the initial state is estimated from.
+
+ALIKE = 1.5  #: Ratio by which the periods of releases of one craft differ at most: restoring bends them by less.
 
 #: With fewer cycles the frequency is that of the first return to the trim, over twice the time to this share of
 #: the angle, if the record can show it.
@@ -122,15 +124,20 @@ def _joint_problem(motions: Sequence[AxisMotion], found: Sequence[tuple[DecaySeg
 
 
 def to_be_fitted(decays: Sequence[DecaySegment]) -> tuple[DecaySegment, ...]:
-    """Of the decays of one record, the best first: that one, and the others released, by time. They are long enough, or
-    even the best is not.
+    """Of the decays of one record, the best first: that one, and the others released, by time. Their periods agree, and
+    they are long enough, or even the best is not.
     """
-    return tuple(
-        segment
-        for segment in sorted(decays, key=lambda decay: decay.start)
-        if segment is decays[0]
-        or (segment.beginning == 'released' and (segment.cycles >= MIN_CYCLES or decays[0].cycles < MIN_CYCLES))
-    )
+    if not decays:
+        return ()
+    best = decays[0]
+    is_short = best.cycles < MIN_CYCLES
+    unlike = ASYMMETRY if is_short else ALIKE
+
+    def belongs(segment: DecaySegment):
+        is_alike = 1.0 / unlike < segment.period / best.period < unlike
+        return segment.beginning == 'released' and is_alike and (segment.cycles >= MIN_CYCLES or is_short)
+
+    return tuple(s for s in sorted(decays, key=lambda decay: decay.start) if s is best or belongs(s))
 
 
 def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]) -> Problem:

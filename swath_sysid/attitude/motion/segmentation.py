@@ -47,6 +47,8 @@ PUSH_MEMORY_HALF_CYCLES = 2  #: Left out after a push, while the double amplitud
 #: With this many half-cycles the tail below this part of the first is left out, as it is as much the basin's motion.
 PLENTY_OF_HALF_CYCLES, PLENTIFUL_TAIL = 20, 0.125
 
+TURN = float(np.radians(30.0))  #: Change of heading of a craft that is under way; a gyro's bias makes a tenth of it.
+
 BREAKING_PERIODS = 4.0  #: What breaks a decay grows and decays within this time.
 FINISHED = 0.1  #: Part of its first amplitude at which a decay that is watched counts as over.
 
@@ -88,7 +90,9 @@ class DecaySegment:
 
 
 def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
-    """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first."""
+    """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first. None
+    where the craft turned in one of them: it was under way, as a boat that tacks.
+    """
     pieces = turning_points.split_at_pauses(motion)
     grids = [list(turning_points.pyramid(turning_points.even_signal(piece))) for piece in pieces]
     decays = [decay for levels in grids for decay in _decays_among(_sizable_candidates(levels))]
@@ -97,8 +101,19 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
             held, long = (_sizable_candidates(levels, HALF_CYCLES_FOR_REST, part) for part in (IRREGULAR, SLOW_NOISE))
             decays += _decays_among([each for each in held if each.hold])
             decays += [] if decays else _decays_among([each for each in long if fill_record([each], each)])
+    if any(_turns(motion, decay) for decay in decays):
+        return ()
     segments = [_segment_of(_without_the_push(candidate, decays), motion) for candidate in _apart(decays)]
     return tuple(_until_the_next(each, segments) for each in segments)
+
+
+def _turns(motion: AxisMotion, decay: DecayCandidate) -> bool:
+    """Whether the craft takes another heading within two periods in a decay."""
+    if motion.heading is None:
+        return False
+    time = np.arange(decay.release - decay.period, decay.end + decay.period, 0.25 * decay.period)
+    heading = np.interp(time, *motion.heading.T)
+    return bool(np.abs(heading[8:] - heading[:-8]).max(initial=0.0) > TURN)
 
 
 def _sizable_candidates(levels: Sequence[EvenSignal], half_cycles: float = 1.0, irregular: float = 0.0):

@@ -37,6 +37,7 @@ class AxisMotion:
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
     lag: float = 0.0  #: By which the rate came later than the angle, s, and was moved; negative for the angle.
     installation: Installation | None = None  #: As of the `Trial`.
+    heading: np.ndarray | None = None  #: (K, 2); of the whole record: s, and rad from the start; None: not measured.
 
     @property
     def size(self) -> int:
@@ -141,6 +142,13 @@ class Trial:
         """The axes of which an angle or a rate was measured."""
         return tuple(a for a in AXES if a in self.channels or f'{a}_rate' in self.channels)
 
+    @property
+    def heading(self) -> np.ndarray | None:
+        """Time, s, and heading from the first sample on, rad, to port, (N, 2); with the drift of a gyro's bias."""
+        if self.yaw_rate is None:
+            return None
+        return np.column_stack([self.time, np.cumsum(np.nan_to_num(self.yaw_rate) * np.gradient(self.time))])
+
     @checked
     def axis(self, name: str) -> AxisMotion:
         """The motion about one axis, without the samples in which a value is missing.
@@ -161,7 +169,8 @@ class Trial:
         if not finite.any():
             raise InputError(f'{self.source or "the trial"} holds no finite sample of {name}')
         angle, rate = getattr(self, name), getattr(self, f'{name}_rate')
-        motion = AxisMotion(name, self.time, angle, rate, self.source, self.usable_share, 0.0, self.installation)
+        where = self.source, self.usable_share
+        motion = AxisMotion(name, self.time, angle, rate, *where, 0.0, self.installation, self.heading)
         return motion.only(finite)
 
     @checked
