@@ -13,6 +13,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion import turning_points
 from swath_sysid.attitude.motion.decay_candidates import (
+    EVIDENT,
     HALF_CYCLES_FOR_REST,
     HELD,
     HOLD_BAND,
@@ -135,14 +136,15 @@ def decays_or_absence(
     motion: AxisMotion, start: float | None = None, end: float | None = None, is_decay: bool = False
 ) -> tuple[DecaySegment, ...] | Advice:
     """`find_decays`, or the one between the bounds; the answer of `explain_absence` where nothing decays freely. With
-    ``is_decay``, as with a bound, what decays is no waves.
+    ``is_decay``, as with a bound, what decays for long enough is no waves.
     """
     inside = _between(motion, start, end)
     if start is not None and end is not None:
         return (_measured(inside, float(start), float(end)),)
     decays = find_decays(inside)
-    if not decays and (is_decay or start is not None or end is not None):
-        decays = _known_to_decay(inside)
+    is_bounded = start is not None or end is not None
+    if not decays and (is_decay or is_bounded):
+        decays = _known_to_decay(inside, 2 if is_bounded else EVIDENT)
     if not decays:
         return explain_absence(inside)
     if start is not None:
@@ -451,14 +453,14 @@ def _period_of_relaxation(signal: EvenSignal, centre: float) -> float:
     return signal.interval * max((far[-1] - far[0] + 1) / 0.62, 2.0)
 
 
-def _known_to_decay(motion: AxisMotion) -> tuple[DecaySegment, ...]:
+def _known_to_decay(motion: AxisMotion, half_cycles: int) -> tuple[DecaySegment, ...]:
     """The large candidates, accepted as free decays because a bound was given, or the record is said to hold one."""
     candidates = []
     for piece in turning_points.split_at_pauses(motion):
         levels = list(turning_points.pyramid(turning_points.even_signal(piece)))
         found = find_candidates(turned_signals(levels))
-        found += find_candidates(turned_signals(turning_points.steadied(levels, piece)), irregular=IRREGULAR)
-        candidates += [each for each in found if each.is_suited and each.double_amplitudes.size >= 2]
+        found += find_candidates(turned_signals(turning_points.steadied(levels, piece)), irregular=SLOW_NOISE)
+        candidates += [each for each in found if each.is_suited and each.is_evident(half_cycles)]
     largest = max((candidate.double_amplitudes[0] for candidate in candidates), default=0.0)
     large = [candidate for candidate in candidates if candidate.double_amplitudes[0] >= 0.5 * largest]
     return tuple(_segment_of(candidate, motion) for candidate in _apart(large))
