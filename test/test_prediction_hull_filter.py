@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SensorNoise, SimulatedCraft
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.simulation import simulate
-from swath_sysid.attitude.hull.terms import TERM_NAMES
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES, TERMS
 from swath_sysid.attitude.prediction import hull_filter
 from swath_sysid.attitude.prediction.hull_filter import ExcitationFit, HullFilter, HullFilterSettings, HullPrior
 from swath_sysid.attitude.prediction.hull_track import (
@@ -123,15 +123,22 @@ def test_a_step_of_the_hull_solves_its_equation_and_so_do_its_slopes(angle, rate
         assert slopes[:, j] == pytest.approx(slope, abs=2e-3 * max(1.0, abs(slope).max()))
 
 
-def test_an_uncertain_rate_is_damped_by_the_mean_of_the_damping():
-    step, spread, rate = 1e-3, 0.3, 0.02
-    w = rate + spread * np.random.default_rng(1).normal(size=2_000_000)
-    mean = float(np.mean(ROLL.acceleration(0.0, w)))
-    state = np.array([0.0, rate, 0.0, *ROLL.ratios])
-    _, new_rate, slopes = hull_step(state, 0.0, spread**2, step, (ROLL.equation.active, ROLL.friction_rate))
+@pytest.mark.parametrize(
+    'hull',
+    [ROLL, *(DecayModel.of(**{name: 1.5}, r1=0.0) for name in DAMPING_NAMES if TERMS[name].power > 0)],
+    ids=lambda hull: hull.equation.name,
+)
+@pytest.mark.parametrize('rate', [0.02, 0.1])
+def test_an_uncertain_rate_is_damped_by_the_mean_of_the_damping(hull, rate):
+    """Of every row of the table, and of a published hull; dry friction is left as it is."""
+    step, spread = 1e-3, 0.3
+    w, density = np.linspace(-3.0, 3.0, 60001), norm(rate, spread).pdf
+    mean = float(np.trapezoid(density(w) * hull.acceleration(0.0, w), w))
+    state = np.array([0.0, rate, 0.0, *hull.ratios])
+    _, new_rate, slopes = hull_step(state, 0.0, spread**2, step, (hull.equation.active, hull.friction_rate))
     assert (new_rate - rate) / step == pytest.approx(mean, rel=0.03)
     # linear in the ratios, damping is their sum with their slopes
-    assert slopes[1, RATIOS:-1] @ ROLL.ratios / step == pytest.approx(mean, rel=0.03)
+    assert slopes[1, RATIOS:-1] @ hull.ratios / step == pytest.approx(mean, rel=0.03)
 
 
 def test_the_sparse_prediction_is_the_dense_one():

@@ -1,22 +1,26 @@
 """Extinction of a free decay and its damping in dimensions, as towing tanks report them (ITTC 7.5-02-07-04.5).
 
 Amplitude a: half a double amplitude. decrement = p1 a + p2 a^2 + p3 a^3 per half-cycle, Bertin's N = decrement / a^2.
-From the energy of b1 w + b2 |w| w + b3 w^3 at frequency w: p1 = pi b1 / (2 w), for which the exact
-2 tanh(b1 T / 8) is used, p2 = 4/3 b2, p3 = 3/8 pi w b3.
+From the energy that a term b |w|^(k-1) w takes at frequency w: pk = b w^(k-2) times the integral of sin^(k+1) over half
+a cycle, which is pi / 2, 4/3 and 3/8 pi; for p1 the exact 2 tanh(b1 T / 8) is used.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import beta
 
 from swath_sysid.attitude.hull.decay_model import STANDARD_GRAVITY, DecayModel, inertia_from_metacentric_height
+from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERMS
 from swath_sysid.attitude.identification.fit_quality import AmplitudeBands
 from swath_sysid.attitude.identification.peaks import Peaks
 from swath_sysid.common.conventions import TWO_STD
 from swath_sysid.common.covariance import sandwich_covariance
 from swath_sysid.common.errors import InputError
 
+#: Of the rate, of the damping terms that an extinction curve shows; friction stays at every amplitude.
+POWERS = tuple(TERMS[name].power for name in DAMPING_NAMES if TERMS[name].power > 0)
 RESIDUAL_MEMORY = 4  #: Half cycles over which disturbances of a basin are correlated, at least.
 
 
@@ -39,21 +43,26 @@ class Extinction:
 
     def curve(self, amplitude: np.ndarray) -> np.ndarray:
         """Decrement of half a cycle at mean amplitudes (A,), rad."""
-        return np.polynomial.polynomial.polyval(amplitude, [0.0, *self.coefficients])
+        return np.power.outer(amplitude, POWERS) @ self.coefficients
 
     @property
     def damping(self) -> np.ndarray:
         """b1, 1/s, b2, 1/rad, and b3, s/rad^2, that the curve means."""
-        p1, p2, p3 = self.coefficients
+        linear = 8.0 / self.period * np.arctanh(self.coefficients[0] / 2.0)
+        return np.array([linear, *self.coefficients[1:] / self._gains[1:]])
+
+    @property
+    def _gains(self) -> np.ndarray:
+        """Coefficients that damping terms of ratio one give, for small amplitudes."""
         frequency = 2.0 * np.pi / self.period
-        return np.array([8.0 / self.period * np.arctanh(p1 / 2.0), 0.75 * p2, 8.0 * p3 / (3.0 * np.pi * frequency)])
+        return np.array([beta(0.5, 0.5 * power + 1.0) * frequency ** (power - 2) for power in POWERS])
 
     @property
     def damping_std(self) -> np.ndarray:
         """Standard deviations of `damping`, to first order."""
-        frequency = 2.0 * np.pi / self.period
-        slopes = 4.0 / self.period / (1.0 - self.coefficients[0] ** 2 / 4.0), 0.75, 8.0 / (3.0 * np.pi * frequency)
-        return np.array(slopes) * self.std
+        slopes = 1.0 / self._gains
+        slopes[0] = 4.0 / self.period / (1.0 - self.coefficients[0] ** 2 / 4.0)
+        return slopes * self.std
 
 
 def extinction_of(peaks: Sequence[Peaks]) -> Extinction:
@@ -66,9 +75,9 @@ def extinction_of(peaks: Sequence[Peaks]) -> Extinction:
             'an extinction curve needs three turning points: the damping is too strong, or the record too short'
         )
     amplitude, period = (np.concatenate([getattr(p, name) for p in peaks]) for name in ('mean_amplitude', 'period'))
-    terms = min(max(amplitude.size // 2, 1), 3)
-    coefficients, covariance = np.zeros(3), np.zeros((3, 3))
-    coefficients[:terms], covariance[:terms, :terms] = _fitted(peaks, range(1, terms + 1))
+    terms, size = min(max(amplitude.size // 2, 1), len(POWERS)), len(POWERS)
+    coefficients, covariance = np.zeros(size), np.zeros((size, size))
+    coefficients[:terms], covariance[:terms, :terms] = _fitted(peaks, POWERS[:terms])
     (bertin,), ((bertin_variance,),) = _fitted(peaks, [2])
     return Extinction(
         peaks,

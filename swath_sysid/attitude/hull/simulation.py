@@ -16,6 +16,7 @@ restoring_moment = accelerated(terms.restoring_moment)
 damping_slope = accelerated(terms.damping_slope)
 restoring_slope = accelerated(terms.restoring_slope)
 term_moments = accelerated(terms.term_moments)
+mean_damping_slopes = accelerated(terms.mean_damping_slopes)
 #: Ratios (9,) as a tuple, which numba cannot make: an array's values are not kept in registers, nor floats in Python.
 as_tuple = accelerated(
     eval(f'lambda ratios: ({", ".join(f"ratios[{k}]" for k in range(len(terms.TERMS)))})'),

@@ -68,6 +68,15 @@ LOWER, UPPER = np.array([term.range for term in TERMS.values()]).T  #: (9,) each
 AT: Any = namedtuple('At', TERM_NAMES)(*range(len(TERMS)))
 
 
+_DAMPING = len(DAMPING_NAMES)
+_BASES, _POWERS = (tuple(getattr(term, column) for term in TERMS.values()) for column in ('base', 'power'))
+#: c of `mean_damping_slopes`.
+_SPREADS = tuple(
+    (2.0 ** ((p + 1) / 2) * math.gamma(p / 2 + 1) / math.sqrt(math.pi)) ** (2.0 / (p - 1)) if p > 1 else 0.0
+    for p in _POWERS[:_DAMPING]
+)
+
+
 def damping_moment(rate: Value, ratios: Value, active: Sequence[bool], friction_rate: float) -> Value:
     """Damping moment over inertia, rad/s^2, of the sign of the rate, a float or (P,), rad/s; ratios (9,) or (9, P).
     Inactive terms are not read, except b1; ``friction_rate``, rad/s, smooths the sign of the dry friction.
@@ -94,6 +103,20 @@ def damping_slope(rate: Value, ratios: Value, active: Sequence[bool], friction_r
         tanh = np.tanh(rate / friction_rate)
         slope = slope + ratios[AT.b0] / friction_rate * (1.0 - tanh * tanh)
     return slope
+
+
+def mean_damping_slopes(rate: float, variance: float) -> np.ndarray:
+    """What the spread of a normal rate, rad/s, adds to the mean of each damping term at ratio one, over the mean rate.
+
+    E[|w|^(p-1) w] is near m (m^2 + c v)^((p-1)/2), with the slope at m = 0 of the exact mean (Roberts and Spanos 1990,
+    Random Vibration and Statistical Linearization); exact for p = 1 and 3. Dry friction is left as it is.
+    """
+    added = np.zeros(_DAMPING)
+    for k in range(_DAMPING):
+        if _POWERS[k] > 1:
+            half = 0.5 * (_POWERS[k] - 1)
+            added[k] = (rate * rate + _SPREADS[k] * variance) ** half - abs(rate) ** (_POWERS[k] - 1)
+    return added
 
 
 def restoring_moment(x: Value, ratios: Value, active: Sequence[bool]) -> Value:
@@ -131,10 +154,6 @@ def restoring_energy(x: Value, ratios: Value) -> Value:
     powers = [(k, term.power + 1) for k, term in enumerate(TERMS.values()) if term.base == ANGLE]
     total = sum(ratios[k] * x**power / power for k, power in powers)
     return total + ratios[AT.s1] * (1.0 - np.cos(x)) + ratios[AT.s2] * (x / 2 - np.sin(2 * x) / 4)
-
-
-_DAMPING = len(DAMPING_NAMES)
-_BASES, _POWERS = (tuple(getattr(term, column) for term in TERMS.values()) for column in ('base', 'power'))
 
 
 def term_moments(x: Value, rate: Value, friction_rate: float) -> np.ndarray:

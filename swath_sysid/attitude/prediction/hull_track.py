@@ -15,6 +15,7 @@ from swath_sysid.attitude.hull.simulation import (
     as_tuple,
     damping_moment,
     damping_slope,
+    mean_damping_slopes,
     motion_step,
     restoring_moment,
     restoring_slope,
@@ -51,15 +52,14 @@ def hull_step(
     """Angle and rate after a short step, s, under a held moment, rad/s^2, and their slopes (2, 13).
 
     Slopes by angle, rate, trim, ratios and moment: exponential of [[0, 1], [a, c]] and its integral to third
-    order, in the middle of the step. Mean damping over a normal rate: E[w^3] = m^3 + 3 m v, E[|w| w] near m sqrt(m^2 +
-    8 v / pi) (Roberts and Spanos 1990, Random Vibration and Statistical Linearization).
+    order, in the middle of the step. The damping is the mean over a normal rate.
     """
     active, friction_rate = hull
     angle, rate, trim = float(state[0]), float(state[1]), float(state[TRIM])
-    of_quadratic = math.sqrt(rate * rate + 8.0 / math.pi * rate_variance) - abs(rate)
-    of_cubic = 3.0 * rate_variance
+    spread = mean_damping_slopes(rate, rate_variance)
     mean_ratios = state[RATIOS:HULL_STATES].copy()
-    mean_ratios[AT.b1] += mean_ratios[AT.b2] * of_quadratic + mean_ratios[AT.b3] * of_cubic
+    for k in range(len(spread)):
+        mean_ratios[AT.b1] += state[RATIOS + k] * spread[k]
     ratios = as_tuple(mean_ratios)
     half = 0.5 * step
     x = angle - trim
@@ -69,8 +69,8 @@ def hull_step(
     c = -damping_slope(middle_rate, ratios, active, friction_rate)
     if abs(x) < 0.5 * math.pi and step * max(abs(c), math.sqrt(abs(a))) < 1.0:
         terms = term_moments(middle_x, middle_rate, friction_rate)
-        terms[AT.b2] += of_quadratic * middle_rate
-        terms[AT.b3] += of_cubic * middle_rate
+        for k in range(len(spread)):
+            terms[k] += spread[k] * middle_rate
         _, x, new_rate = motion_step(x, rate, moment, step, ratios, active, friction_rate)
         angle, rate = x + trim, new_rate
     else:
