@@ -1,7 +1,9 @@
 """Files of data acquisition: each gives the motion that the CSV file of the same record gives."""
 
+import re
 import struct
 import sys
+import zipfile
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from types import SimpleNamespace
@@ -394,6 +396,34 @@ def test_decimals_compounds_formulas_and_matlab_4(tmp_path):
         assert trial.time == pytest.approx(TIME) and np.degrees(trial.roll) == pytest.approx(ROLL, abs=1e-6)
     with pytest.raises(InputError, match="formulas of 'lost' have no stored values"):
         read_trial(tmp_path / 'a.xlsx', columns={'roll': 'lost:deg'})
+
+
+STRICT = (
+    ('http://schemas.openxmlformats.org/spreadsheetml/2006/', 'http://purl.oclc.org/ooxml/spreadsheetml/'),
+    ('http://schemas.openxmlformats.org/officeDocument/2006/', 'http://purl.oclc.org/ooxml/officeDocument/'),
+)
+
+
+@pytest.mark.parametrize('habit', ['dimension', 'strict', 'comma'])
+def test_sheets_as_other_programs_write_them(tmp_path, habit):
+    openpyxl = pytest.importorskip('openpyxl')
+    written = [f'{angle:.6f}'.replace('.', ',') if habit == 'comma' else float(angle) for angle in ROLL]
+    book = openpyxl.Workbook()
+    for row in (('time_s', 'roll_deg'), *zip(map(float, TIME), written, strict=True)):
+        book.active.append(row)
+    book.save(tmp_path / 'a.xlsx')
+    with zipfile.ZipFile(tmp_path / 'a.xlsx') as old, zipfile.ZipFile(tmp_path / 'b.xlsx', 'w') as new:
+        for name in old.namelist():
+            text = old.read(name).decode()
+            if habit == 'dimension':
+                # fewer rows, and no second column
+                text = re.sub('<dimension ref="[^"]*"', '<dimension ref="A1:A99"', text)
+            elif habit == 'strict' and '[Content' not in name:
+                for transitional, strict in STRICT:
+                    text = text.replace(transitional, strict)
+            new.writestr(name, text)
+    trial = read_trial(tmp_path / 'b.xlsx')
+    assert trial.time == pytest.approx(TIME) and np.degrees(trial.roll) == pytest.approx(ROLL, abs=1e-6)
 
 
 def test_waveforms_that_start_later_are_shifted(tmp_path):

@@ -1,6 +1,7 @@
 """Cells of tables: what kind of value a text holds, and the value."""
 
 import re
+from collections.abc import Sequence
 from datetime import UTC, datetime, time, timedelta
 from typing import Any
 
@@ -23,6 +24,11 @@ _FORMS = {
     'day': re.compile(_DAY),
     'date': re.compile(rf'{_DAY}[,T ]\s*{_CLOCK}', re.IGNORECASE),
 }
+
+THOUSANDS = re.compile(r'[-+]?\d{1,3}(,\d{3})+')
+GROUPED = re.compile(r"\d(['\u2019\u00a0\u202f ])\d{3}(?!\d)")  #: A mark between groups of three digits.
+#: Signs and blanks as word processors write them.
+OTHER_MARKS = str.maketrans({'\u2212': '-', '\u2013': '-', '\u00a0': ' ', '\u202f': ' ', '\u2019': "'"})
 
 
 def kind_of_text(cell: str) -> str:
@@ -90,14 +96,36 @@ def numbers_of(values: Any) -> np.ndarray:
         return np.where(np.isnat(array), np.nan, whole)
     if array.dtype.kind in 'biuf':
         return array.astype(float)
-    return np.array([_number_of(cell) for cell in array.tolist()], dtype=float)
+    cells = [cell.translate(OTHER_MARKS) if isinstance(cell, str) else cell for cell in array.tolist()]
+    marks = marks_of([cell for cell in cells if isinstance(cell, str) and kind_of_text(cell.strip()) == 'number'])
+    return np.array([_number_of(cell, *marks) for cell in cells], dtype=float)
+
+
+def marks_of(cells: Sequence[str]) -> tuple[bool, str]:
+    """Whether numbers as written have decimal commas, and what stands between their groups of three digits."""
+    commas = [cell for cell in cells if ',' in cell]
+    if any(re.search(r'\.\d{3},', cell) for cell in commas):
+        return True, '.'
+    points = any(re.search(r'\.\d', cell) for cell in cells)
+    if any('.' in cell for cell in commas) or points and commas and all(THOUSANDS.fullmatch(cell) for cell in commas):
+        return False, ','
+    # blanks and apostrophes are plain ones by then
+    grouped = ("'" if mark[1] in "'\u2019" else ' ' for cell in cells if (mark := GROUPED.search(cell)))
+    return bool(commas), next(grouped, '')
+
+
+def plain_text(text: str, decimal_comma: bool, thousands: str) -> str:
+    """A text in which numbers are written with a decimal point and without marks between groups of digits."""
+    if thousands:
+        text = re.sub(rf'(?<=\d){re.escape(thousands)}(?=\d\d\d(?!\d))', '', text)
+    return text.replace(',', '.') if decimal_comma else text
 
 
 def _since_1970(moment: datetime) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def _number_of(cell: Any) -> float:
+def _number_of(cell: Any, decimal_comma: bool, thousands: str) -> float:
     try:
         if isinstance(cell, datetime):
             return _since_1970(cell)
@@ -105,6 +133,6 @@ def _number_of(cell: Any) -> float:
             cell = datetime.combine(datetime.min, cell) - datetime.min
         if isinstance(cell, timedelta):
             return cell.total_seconds()
-        return seconds_of_text(cell) if isinstance(cell, str) else float(cell)
+        return seconds_of_text(plain_text(cell, decimal_comma, thousands)) if isinstance(cell, str) else float(cell)
     except (TypeError, ValueError):
         return np.nan

@@ -13,7 +13,7 @@ import numpy as np
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.cells import MISSING, known_number, seconds_of_text
+from swath_sysid.formats.cells import GROUPED, MISSING, known_number, marks_of, plain_text, seconds_of_text
 from swath_sysid.formats.files import BLOCK_BYTES, replacing, shown
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, balance, kind_of_cell, locate
 from swath_sysid.formats.vocabulary import INTERVALS, RATES, plain_name
@@ -71,8 +71,6 @@ TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text 
 
 QUOTED = re.compile(r'"([^"\n]*)"')
 WIDE, BEFORE_UNIT = re.compile(r'\s\s+|\t'), re.compile(r'\s+(?=[\[(])')  #: Beside names of several words.
-THOUSANDS = re.compile(r'[-+]?\d{1,3}(,\d{3})+')
-GROUPED = re.compile(r"\d(['\u2019\u00a0\u202f ])\d{3}(?!\d)")  #: A mark between groups of three digits.
 #: Signs and blanks as word processors write them, in UTF-8 or a code page of one byte.
 OTHER_MARKS = (
     (re.compile(rb'\xe2\x88\x92|\xe2\x80\x93|(?<![\x80-\xff])\x96(?=[\d.,])'), b'-'),
@@ -130,7 +128,7 @@ def read_head(path: str | Path) -> TableHead:
         raise InputError(f"{path} has no line of column names: put one above the numbers, such as 'time_s,roll_deg'")
     _refuse_extra_cells(path, lines[found.first :][:ROWS_OF_SAMPLE], names, delimiter)
     above = [line for at, line in enumerate(lines[: found.first]) if line and at not in found.used]
-    decimal_comma, thousands = (False, '') if delimiter == ',' else _marks_of(lines[found.first :], delimiter)
+    decimal_comma, thousands = (False, '') if delimiter == ',' else _marks_in(lines[found.first :], delimiter)
     return TableHead(
         names=names,
         remarks=_remarks(above),
@@ -240,9 +238,7 @@ class BlockParser:
             if self.head.delimiter == ',':
                 text = QUOTED.sub(lambda cell: cell[1].replace(',', '.'), text)
             text = text.replace('"', '')
-        if self.head.thousands:
-            text = re.sub(rf'(?<=\d){re.escape(self.head.thousands)}(?=\d\d\d(?!\d))', '', text)
-        return text.replace(',', '.') if self.head.decimal_comma else text
+        return plain_text(text, self.head.decimal_comma, self.head.thousands)
 
     def _parse_fast(self, lines: list[str]) -> np.ndarray:
         if not any(map(str.strip, lines)):
@@ -400,19 +396,10 @@ def _refuse_extra_cells(path: str | Path, rows: Sequence[str], names: Sequence[s
         )
 
 
-def _marks_of(rows: Sequence[str], delimiter: str | None) -> tuple[bool, str]:
-    """Whether numbers have decimal commas, and what stands between their groups of three digits."""
+def _marks_in(rows: Sequence[str], delimiter: str | None) -> tuple[bool, str]:
+    """How the numbers of rows are written; see `marks_of`."""
     lines = [line for line in rows if ',' in line or GROUPED.search(line)]
-    cells = [cell for line in lines for cell in _split(line, delimiter) if kind_of_cell(cell) == 'number']
-    commas = [cell for cell in cells if ',' in cell]
-    if any(re.search(r'\.\d{3},', cell) for cell in commas):
-        return True, '.'
-    points = any(re.search(r'\.\d', cell) for cell in cells)
-    if any('.' in cell for cell in commas) or points and commas and all(THOUSANDS.fullmatch(cell) for cell in commas):
-        return False, ','
-    # blanks and apostrophes are plain ones by then
-    grouped = ("'" if mark[1] in "'\u2019" else ' ' for cell in cells if (mark := GROUPED.search(cell)))
-    return bool(commas), next(grouped, '')
+    return marks_of([cell for line in lines for cell in _split(line, delimiter) if kind_of_cell(cell) == 'number'])
 
 
 def _text(raw: bytes) -> str:

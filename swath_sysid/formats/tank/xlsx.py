@@ -6,8 +6,10 @@ row; tables are sheets.
 """
 
 import ast
+import io
 import math
 import operator
+import re
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, islice
@@ -39,35 +41,49 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
         for name in ('degrees', 'radians', 'sqrt', 'sin', 'cos', 'tan', 'asin', 'atan')
     },
 }
+STRICT, TRANSITIONAL = rb'http://purl\.oclc\.org/ooxml/(\w+)/', rb'http://schemas.openxmlformats.org/\1/2006/'
 
 
 def tables(path: str | Path) -> list[NamedColumns]:
     """The sheets that hold numbers under names."""
-    from openpyxl import load_workbook
-
     with zipfile.ZipFile(path) as archive:
         check_size(path, sum(member.file_size for member in archive.infolist()))
-    book = load_workbook(path, read_only=True)
-    titles = [sheet.title for sheet in book.worksheets]
-    book.close()
-    found = [_table(path, title) for title in titles]
+    found = [_table(path, title) for title in _titles(path)]
     return [table for table in found if table is not None]
 
 
 def first_rows(path: str | Path) -> list[Row]:
     """The first rows of all sheets."""
+    return [row for title in _titles(path) for row in islice(_rows(path, title, (True,)), ROWS_OF_SAMPLE)]
+
+
+def _titles(path: str | Path) -> list[str]:
     from openpyxl import load_workbook
 
-    book = load_workbook(path, read_only=True)
+    book = load_workbook(_transitional(path), read_only=True)
     titles = [sheet.title for sheet in book.worksheets]
     book.close()
-    return [row for title in titles for row in islice(_rows(path, title, (True,)), ROWS_OF_SAMPLE)]
+    return titles
+
+
+def _transitional(path: str | Path) -> str | Path | io.BytesIO:
+    """The file, or, if it is in strict Open XML, a copy with the names of the form that openpyxl reads."""
+    with zipfile.ZipFile(path) as archive:
+        if not re.search(STRICT, archive.read('xl/workbook.xml')):
+            return path
+        copy = io.BytesIO()
+        with zipfile.ZipFile(copy, 'w') as written:
+            for name in archive.namelist():
+                written.writestr(name, re.sub(STRICT, TRANSITIONAL, archive.read(name)))
+    return copy
 
 
 def _table(path: str | Path, title: str) -> NamedColumns | None:
     written = islice(_rows(path, title, (False,)), ROWS_OF_SAMPLE)
     books = (True, False) if any(map(_is_formula, chain.from_iterable(written))) else (True,)
     above = list(islice(_rows(path, title, books), ROWS_OF_SAMPLE))
+    width = max(map(len, above), default=0)
+    above = [(*row, *[None] * (width - len(row))) for row in above]
     found = locate(above)
     if found is None or not found.names:
         return None
@@ -87,8 +103,11 @@ def _rows(path: str | Path, title: str, books: Sequence[bool]) -> Iterator[Row]:
     """The rows of a sheet: the values that are stored, what was written, or both in one."""
     from openpyxl import load_workbook
 
-    opened = [load_workbook(path, read_only=True, data_only=stored) for stored in books]
+    opened = [load_workbook(_transitional(path), read_only=True, data_only=stored) for stored in books]
     try:
+        for book in opened:
+            # many exporters write a wrong dimension, by which rows and columns would be cut
+            book[title].reset_dimensions()
         for first, *others in zip(*(book[title].iter_rows(values_only=True) for book in opened), strict=True):
             for row in others:
                 first = [
