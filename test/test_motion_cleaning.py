@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hypothesis_numpy
 
-from swath_sysid.attitude.motion.cleaning import MIN_ROWS, assemble_trial, clean
+from swath_sysid.attitude.motion.cleaning import MIN_ROWS, assemble_trial, clean, one_row_per_sample
 from swath_sysid.attitude.motion.stamps import check_time_base, motion_period
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
@@ -39,10 +39,32 @@ def test_rows_without_stamp_out_of_order_or_with_the_last_stamp_are_left_out():
     assert counted == {'missing-stamps': '2 rows', 'repeated-stamps': '1 row ', 'out-of-order-stamps': '1 row '}
     assert np.array_equal(cleaned['roll'], np.delete(channels['roll'], [10, 20, 31, 50]))
     assert np.all(np.diff(kept) > 0)
-    time, channels = record()  # rows that are written twice
-    kept, cleaned, advice = clean(np.repeat(time, 3), {name: np.repeat(row, 3) for name, row in channels.items()})
-    assert np.array_equal(kept, time) and np.array_equal(cleaned['roll'], channels['roll'])
-    assert codes(advice) == ['repeated-stamps'] and advice[0].message.startswith('200 rows')
+
+
+@pytest.mark.parametrize('noise', [0.0, 1e-5, 3e-4])
+def test_samples_that_are_sent_several_times_are_one(noise):
+    draws, (time, channels) = np.random.default_rng(1), record()
+    sent = {name: np.repeat(row, 3) + noise * draws.standard_normal(3 * row.size) for name, row in channels.items()}
+    sent['heading'] = np.repeat(np.tile([0.001, 2.0 * np.pi - 0.001], time.size // 2), 3)
+    sent['heading'][1::3] += noise
+    kept, merged, (advice,) = one_row_per_sample(np.repeat(time, 3), sent)
+    assert np.array_equal(kept, time) and merged['roll'] == pytest.approx(channels['roll'], abs=4 * noise)
+    assert np.abs(merged['heading'] - sent['heading'][::3]).max() <= noise
+    assert advice.code == 'repeated-samples' and advice.message.startswith(f'{2 * time.size} rows (67%)')
+    # a driver that stamps a batch, beside a channel that is held in it
+    at = np.arange(3 * time.size)
+    batch = {'roll': 0.1 * np.sin(0.02 * at) + noise * draws.standard_normal(at.size), 'heading': sent['heading']}
+    assert one_row_per_sample(np.repeat(time, 3), batch)[2] == []
+
+
+def test_values_with_one_stamp_in_two_rows_are_one_sample_and_empty_rows_none():
+    time, channels = record()
+    rows = {'roll': np.full(3 * time.size, np.nan), 'gyro_x': np.full(3 * time.size, np.nan)}
+    rows['roll'][::3], rows['gyro_x'][1::3] = channels['roll'], channels['roll']
+    stamps = np.column_stack([time, time, np.full(time.size, np.nan)]).ravel()
+    kept, merged, advice = one_row_per_sample(stamps, rows)
+    assert np.array_equal(kept, time) and all(np.array_equal(row, channels['roll']) for row in merged.values())
+    assert codes(advice) == ['empty-rows', 'repeated-samples']
 
 
 def longest_increasing_length(values):

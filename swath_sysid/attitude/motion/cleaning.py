@@ -25,6 +25,61 @@ SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the s
 Channels = dict[str, np.ndarray]
 
 
+def one_row_per_sample(time: np.ndarray, channels: Channels) -> tuple[np.ndarray, Channels, list[Advice]]:
+    """A record, time (N,) in s and channels (N,), with one row for each sample, and advice on the others: rows without
+    a time or a value, which are empty or of another device, are left out, and rows that repeat a sample are merged.
+    """
+    time = np.asarray(time, dtype=float)
+    channels = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
+    advice: list[Advice] = []
+    filled = np.isfinite(time) | np.any([np.isfinite(values) for values in channels.values()], axis=0)
+    if (empty := int(np.count_nonzero(~filled))) and filled.any():
+        advice.append(Advice.of('empty-rows', rows=counted(empty, 'row'), share=empty / time.size))
+        time, channels = time[filled], {name: values[filled] for name, values in channels.items()}
+    copies = _repeated_samples(np.diff(time, prepend=np.nan) == 0.0, channels)
+    if copies.any():
+        advice.append(Advice.of('repeated-samples', rows=counted(int(copies.sum()), 'row'), share=copies.mean()))
+        sample = np.cumsum(~copies) - 1
+        channels = {name: _means(name, values, sample) for name, values in channels.items()}
+        time = time[~copies]
+    return time, channels, advice
+
+
+def _repeated_samples(repeats: np.ndarray, channels: Channels) -> np.ndarray:
+    """Which rows with the stamp of the previous one hold the same sample: copies, where most of them are copies; else
+    all of them, where they differ from it less than the motion does from one stamp to the next.
+    """
+    if not repeats.any():
+        return repeats
+    steps = {name: _distance(name, values, np.r_[np.nan, values[:-1]]) for name, values in channels.items()}
+    copies = repeats & np.all([(step == 0.0) | np.isnan(step) for step in steps.values()], axis=0)
+    if np.count_nonzero(copies) > 0.5 * np.count_nonzero(repeats):
+        return copies
+    # of a sensor that moves, angles have the least noise; another channel may be held from one stamp to the next
+    angles = [steps[name] for name in ('roll', 'pitch', *QUATERNION) if name in steps] or list(steps.values())
+    sizes = [
+        [float(np.nanmean(step[rows] ** 2)) for rows in (~repeats, repeats)]
+        for step in angles
+        if np.isfinite(step[repeats]).any() and np.isfinite(step[~repeats]).any()
+    ]
+    is_alike = any(between > GAP_INTERVALS * within for between, within in sizes)
+    return repeats & (is_alike and np.mean(repeats) > SHARED_STAMPS)
+
+
+def _distance(name: str, values: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Values less others, of angles on the shorter way."""
+    apart, turn = values - others, 2.0 * np.pi
+    return np.remainder(apart + 0.5 * turn, turn) - 0.5 * turn if name in ('roll', 'pitch', 'yaw', 'heading') else apart
+
+
+def _means(name: str, values: np.ndarray, sample: np.ndarray) -> np.ndarray:
+    """The mean of the values of each sample, whose number is that of the row."""
+    known = np.isfinite(values)
+    one = np.fmin.reduceat(values, np.flatnonzero(np.diff(sample, prepend=-1)))
+    apart = np.where(known, _distance(name, values, one[sample]), 0.0)
+    return one + np.bincount(sample, apart) / np.maximum(np.bincount(sample, known), 1)
+
+
 def clean(
     time: np.ndarray, channels: Channels, source: str = 'the record'
 ) -> tuple[np.ndarray, Channels, tuple[Advice, ...]]:
@@ -77,21 +132,19 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
     _refuse_reversed(time[rows], source)
     fresh = np.ones(rows.size, dtype=bool)
     fresh[1:] = np.diff(time[rows]) != 0.0
-    copies = _copies(rows, ~fresh, channels)
-    single = rows[~copies]
-    shared = int(np.count_nonzero(~fresh & ~copies))
-    if shared > SHARED_STAMPS * single.size:
-        spread, resolution = _spread_evenly(time[single])
+    shared = int(np.count_nonzero(~fresh))
+    if shared > SHARED_STAMPS * rows.size:
+        spread, resolution = _spread_evenly(time[rows])
         if spread is not None:
             interval = float(np.median(np.diff(spread)))
             each = round(resolution / interval)
             advice.append(Advice.of('rounded-stamps', resolution=resolution, each=each, interval=interval))
             time = time.copy()
-            time[single] = spread
-            rows, fresh = single, np.ones(single.size, dtype=bool)
-        elif shared > 0.5 * single.size:
+            time[rows] = spread
+            fresh = np.ones(rows.size, dtype=bool)
+        elif shared > 0.5 * rows.size:
             raise InputError(
-                f'{source}: {shared} of {single.size} rows have the stamp of the previous row, and no even sampling '
+                f'{source}: {shared} of {rows.size} rows have the stamp of the previous row, and no even sampling '
                 f'explains it: write the time with more digits'
             )
     repeated = int(np.count_nonzero(~fresh))
@@ -148,15 +201,6 @@ def _refuse_reversed(time: np.ndarray, source: str) -> None:
             f'{source}: the time runs backwards, from {time[0]:.6g} to {time[-1]:.6g} s: reverse the order of its '
             f'rows, or correct the sign of its time'
         )
-
-
-def _copies(rows: np.ndarray, repeats: np.ndarray, channels: Channels) -> np.ndarray:
-    """Which repeated stamps also repeat the values, where most of them do."""
-    copies = repeats.copy()
-    for values in channels.values():
-        own = values[rows]
-        copies[1:] &= (own[1:] == own[:-1]) | (np.isnan(own[1:]) & np.isnan(own[:-1]))
-    return copies if np.count_nonzero(copies) > 0.5 * np.count_nonzero(repeats) else np.zeros_like(copies)
 
 
 def _spread_evenly(time: np.ndarray) -> tuple[np.ndarray | None, float]:
@@ -328,6 +372,7 @@ def assemble_trial(
     """
     installation = installation or Installation()
     name = source or 'the record'
+    time, readings, sample_advice = one_row_per_sample(time, readings)
     recorded = len(time)
     time, readings, cleaning_advice = clean(time, readings, name)
     channels, motion_advice = _craft_channels(time, readings, installation, name)
@@ -343,7 +388,7 @@ def assemble_trial(
         source=source,
         draft=draft,
         initial_angle=initial_angle,
-        advice=(*advice, *cleaning_advice, *motion_advice, *contradictions),
+        advice=(*advice, *sample_advice, *cleaning_advice, *motion_advice, *contradictions),
         usable_share=len(time) / recorded,
         understood=understood,
         installation=installation if is_of_sensor else None,
