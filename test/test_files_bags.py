@@ -113,10 +113,18 @@ def test_decoding_is_that_of_the_library(tmp_path, frame_id):
 
 def test_blocks_and_mixed_frames_keep_the_order(tmp_path, monkeypatch):
     monkeypatch.setattr(bags, 'BLOCK_BYTES', 16 * 324)
-    messages = [('/imu/data', STAMPS[at], imu(at, frame_id='imu' * (1 + at % 3))) for at in range(COUNT)]
+    messages = [('/imu/data', STAMPS[at], imu(at, frame_id='imu' * (1 + 3 * at // COUNT))) for at in range(COUNT)]
     trial = read_bag(write_bag(tmp_path / 'bag', messages))
     assert_right(trial)
     assert codes(trial) == ['frame-id-changed'] and "3 frames ('imu', 'imuimu'" in trial.advice[0].message
+    # two sensors on one topic
+    messages = [('/imu/data', STAMPS[at], imu(at, frame_id='port' if at % 2 else 'bow')) for at in range(COUNT)]
+    folder = write_bag(tmp_path / 'two', messages)
+    with pytest.raises(InputError, match=r"2 devices send on /imu/data, in the frames 'bow', 'port': choose one"):
+        read_trial(folder)
+    assert np.array_equal(read_trial(folder, columns={'device': 'port'}).pitch, PITCH[1::2])
+    with pytest.raises(InputError, match="no device 'aft'"):
+        read_trial(folder, columns={'device': 'aft'})
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from swath_sysid.cli.progress import progress_of, show_advice
 from swath_sysid.cli.standard_input import STANDARD_INPUT
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.columns import DEVICE
 from swath_sysid.formats.files import BLOCK_BYTES, existing
 from swath_sysid.formats.identify_records import provenance_of
 from swath_sysid.formats.model_file import read_model, write_model
@@ -29,11 +30,12 @@ from swath_sysid.report.figures import FORMATS, Figure, save_figure
 
 
 def columns_of(arguments: Namespace) -> dict[str, str]:
-    """The assigned columns by quantity."""
+    """The assigned columns by quantity, and the chosen device."""
     for text in arguments.columns:
         if not all(text.partition('=')):
             raise InputError(f"--column '{text}' is not QUANTITY=NAME:UNIT: write, for example, --column roll=Phi:deg")
-    return {quantity.strip(): source for quantity, _, source in (text.partition('=') for text in arguments.columns)}
+    assigned = {quantity.strip(): source for quantity, _, source in (text.partition('=') for text in arguments.columns)}
+    return assigned if arguments.device is None else {**assigned, DEVICE: arguments.device}
 
 
 def assignment(text: str, example: str) -> tuple[str, float]:

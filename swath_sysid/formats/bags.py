@@ -105,9 +105,10 @@ def read_bag(
     topic: str | None = None,
     frame: str | None = None,
     mounting: tuple[float, float, float] | None = None,
+    device: str | None = None,
 ) -> Trial:
     """Read a trial from an IMU topic of a rosbag2 bag, with time from its first stamp; see `read_trial`."""
-    record = read_imu(path, topic)
+    record = read_imu(path, topic, device)
     installation = record.installation(frame or 'flu', mounting)
     stamps, advice = record.stamps, list(record.advice)
     if np.all(stamps == stamps[0]) and stamps.size > 1 and record.received is not None:
@@ -124,23 +125,23 @@ def read_bag(
     )
 
 
-def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
-    """Read the messages of an IMU topic; the topic is needed only where a bag holds several. The intact part of a
-    truncated bag is read, with advice.
+def read_imu(path: str | Path, topic: str | None = None, device: str | None = None) -> ImuRecord:
+    """Read the messages of an IMU topic; the topic is needed only where a bag holds several, the device, a frame_id,
+    where several send on the topic. The intact part of a truncated bag is read, with advice.
     """
     path = Path(path)
     with opened_bag(path) as (readers, advice):
         if advice and IMU not in {c.msgtype for reader in readers for c in reader.connections}:
             raise InputError(f'{path} is damaged and nothing of an IMU topic is left in it: record it again')
         topic = chosen_topic(path, readers, IMU, topic, 'several-imu-topics')
-        decoder, frames = _ImuDecoder(), dict[str, tuple]()
+        decoder, tree = _ImuDecoder(), dict[str, tuple]()
         static = {c.topic for reader in readers for c in reader.connections if c.topic.endswith(STATIC_FRAMES)}
         for connection, time_ns, raw in intact_messages(path, readers, {topic, *static}, advice):
             if connection.msgtype == IMU:
                 decoder.add(time_ns, raw)
             elif connection.msgtype == TRANSFORMS:
-                frames |= frame_tree(typestore().deserialize_cdr(raw, TRANSFORMS))
-    stamps, received, values = decoder.arrays()
+                tree |= frame_tree(typestore().deserialize_cdr(raw, TRANSFORMS))
+    stamps, received, values, frames = decoder.arrays()
     if not stamps.size:
         problem = f' ({advice[-1].message})' if advice else ''
         raise InputError(f'{path} holds no readable message on {topic}{problem}: record it again')
@@ -148,12 +149,22 @@ def read_imu(path: str | Path, topic: str | None = None) -> ImuRecord:
         advice.append(Advice.of('damaged-messages', path=path, number=decoder.damaged))
     order = np.argsort(received, kind='stable')
     if np.any(np.diff(order) != 1):
-        stamps, received, values = stamps[order], received[order], values[order]
-    if len(decoder.frame_ids) > 1:
-        names = ', '.join(repr(name[:40]) for name in list(decoder.frame_ids)[:3])
-        advice.append(Advice.of('frame-id-changed', topic=topic, frames=len(decoder.frame_ids), names=names))
-    frame_id = next(iter(decoder.frame_ids), '')
-    return ImuRecord(stamps, values, received, topic, frame_id, frames=frames, advice=tuple(advice))
+        stamps, received, values, frames = (each[order] for each in (stamps, received, values, frames))
+    frame_ids = [each.decode('utf-8', 'replace') for each in dict.fromkeys(frames.tolist())]
+    names = ', '.join(repr(name[:40]) for name in frame_ids[:3])
+    if device is not None:
+        if device not in frame_ids:
+            raise InputError(f"{path} holds no device '{device}' on {topic}: choose from {names}")
+        own = frames == device.encode()
+        stamps, received, values, frame_ids = stamps[own], received[own], values[own], [device]
+    elif np.count_nonzero(frames[1:] != frames[:-1]) > 2 * len(frame_ids):
+        raise InputError(
+            f'{path}: {len(frame_ids)} devices send on {topic}, in the frames {names}: choose one', 'several-devices'
+        )
+    elif len(frame_ids) > 1:
+        advice.append(Advice.of('frame-id-changed', topic=topic, frames=len(frame_ids), names=names))
+    frame_id = next(iter(frame_ids), '')
+    return ImuRecord(stamps, values, received, topic, frame_id, frames=tree, advice=tuple(advice))
 
 
 def attitude_table(path: str | Path, topic: str) -> NamedColumns | None:
@@ -221,11 +232,10 @@ class _ImuDecoder:
     """Turns serialised Imu messages into arrays: messages of one length and frame_id have one CDR layout."""
 
     def __init__(self) -> None:
-        self.frame_ids: dict[str, None] = {}
         self.damaged = 0
         self._waiting: list[tuple[int, Any]] = []
         self._bytes = 0
-        self._blocks = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, IMU_VALUES)))]
+        self._blocks = [(*np.empty((2, 0), np.int64), np.empty((0, IMU_VALUES)), np.empty(0, 'S1'))]
 
     def add(self, received: Any, raw: Any) -> None:
         # a broken database holds anything, also nothing
@@ -238,7 +248,7 @@ class _ImuDecoder:
             self._decode()
 
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """Stamps, times of arrival, and values of all messages so far."""
+        """Stamps, times of arrival, values and frames of all messages so far."""
         self._decode()
         return tuple(np.concatenate(parts) for parts in zip(*self._blocks, strict=True))
 
@@ -253,12 +263,9 @@ class _ImuDecoder:
                 self.damaged += len(messages)
                 continue
             table = np.frombuffer(b''.join(raw for _, raw in messages), dtype=layout)
-            self.frame_ids.update(
-                dict.fromkeys(each.decode('utf-8', 'replace') for each in np.unique(table['frame_id']))
-            )
             stamps = table['sec'].astype(np.int64) * SECOND_NS + table['nanosec']
             times = np.array([time for time, _ in messages], dtype=np.int64)
-            self._blocks.append((stamps, times, table['values'].astype(float)))
+            self._blocks.append((stamps, times, table['values'].astype(float), table['frame_id']))
 
 
 def _imu_layout(encoding: bytes, name_length: bytes, size: int) -> np.dtype | None:

@@ -36,6 +36,7 @@ SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3  #: Difference of two columns of one quan
 
 UNIT_ADVICE = 'add it to the name, as in roll_deg, gyro_x_rad_s or accel_z_m_s2'
 
+DEVICE = 'device'  #: Among the assigned columns: the name of the table of one device.
 UNKNOWN = 'columns-unknown'  #: Code of the errors that an assignment of columns mends.
 
 #: From a table's columns and values, (columns, N), to unit and reason of those without one that leave no doubt of it.
@@ -126,13 +127,12 @@ def read_table(
     columns by the quantity that they hold, as in ``{'roll': 'Phi:deg'}``.
     """
     with reading(path), known_by_name(path):
-        matches, problems = [], []
-        tables = sorted(
-            tables or tables_in(path), key=lambda table: -len(table.names)
-        )  # for the sentence: the widest first
+        matches, problems, assigned = [], [], dict(assigned or {})
+        tables = _of_device(path, tables or tables_in(path), assigned.pop(DEVICE, None))
+        tables = sorted(tables, key=lambda table: -len(table.names))  # for the sentence: the widest first
         for table in tables:
             try:
-                matches.append(_matched(path, table, quantities, lacking, assigned or {}))
+                matches.append(_matched(path, table, quantities, lacking, assigned))
             except InputError as error:
                 problems.append(error)
         with_units = [match for match in matches if match.has_units(lacking)]
@@ -166,6 +166,18 @@ def read_table(
     understood = '; '.join(filter(None, (match.table.place, understood)))
     values = values if len(read) == len(values) else values[read]
     return Table(path, match.table.remarks, clock, tuple(columns), values, advice, understood)
+
+
+def _of_device(path: str | Path, tables: Sequence[NamedColumns], device: str | None) -> Sequence[NamedColumns]:
+    """The tables of a device, by its name; all where none is chosen."""
+    chosen = [table for table in tables if device in (None, table.name)]
+    if not chosen:
+        names = [table.name for table in tables]
+        raise InputError(
+            f"{path} holds no device or table '{shown(str(device))}'{did_you_mean(str(device), names)}: "
+            + (f'choose from {listed_names(names)}' if any(names) else 'it holds one, without a name: leave it out')
+        )
+    return chosen
 
 
 def _clock(path: str | Path, match: _Match, values: np.ndarray) -> tuple[Clock, tuple[Advice, ...]]:
@@ -301,12 +313,13 @@ def _choice_is_open(
 ) -> InputError:
     """Why not one table of a file is the one to read."""
     if matches:
-        table, column = matches[0].table, matches[0].columns[-1]
+        table, columns = matches[0].table, matches[0].columns
+        column = next((column for column in columns if column.unit), columns[0])
         listed = listed_names([match.table.name for match in matches])
         return InputError(
-            f'{path} holds {len(matches)} tables that can be read ({listed}): choose one by assigning a column of it, '
-            f"as in '{column.reading}={table.name}/{column.name}:{column.unit}'",
-            UNKNOWN,
+            f'{path} holds {len(matches)} devices or tables that can be read ({listed}): choose one by its name, or by '
+            f"assigning a column of it, as in '{column.reading}={table.name}/{column.name}:{column.unit or 'UNIT'}'",
+            'several-devices',
         )
     if len(tables) == 1:
         return problems[0]
@@ -349,9 +362,17 @@ def _assigned_place(path: str | Path, table: NamedColumns, source: str) -> tuple
     bare = [UNIT_IN_BRACKETS.sub(lambda stated: stated[0] * (unit_of(stated[1]) is None), each) for each in table.names]
     for wanted, given in ((source, ''), (name, unit))[: 1 + len(colon)]:
         for names in (table.names, bare):
-            for place, each in enumerate(names):
-                if wanted in (each, f'{table.name}/{each}', f'{table.name}.{each}'):
-                    return place, given or table.names[place].removeprefix(bare[place])
+            places = [
+                place
+                for place, each in enumerate(names)
+                if wanted in (each, f'{table.name}/{each}', f'{table.name}.{each}')
+            ]
+            if len(places) > 1:
+                raise InputError(
+                    f"{path} has {len(places)} columns '{shown(wanted)}': rename those that are not meant", UNKNOWN
+                )
+            for place in places:
+                return place, given or table.names[place].removeprefix(bare[place])
     name = name or source
     meant, listed = did_you_mean(name, map(shown, table.names)), listed_names(table.names)
     raise InputError(f"{path} has no column '{shown(name)}'{meant}: assign one of {listed}", UNKNOWN)

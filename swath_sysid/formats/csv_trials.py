@@ -168,6 +168,10 @@ def _units_by_values(clock: Clock, columns: Sequence[Column], values: np.ndarray
         return found
     known = {column.reading: row * column.scale for column, row in zip(columns, values, strict=True) if column.unit}
     for place, column in enumerate(columns):
+        if column.unit is None and column.reading == 'heading':
+            largest = np.nanmax(values[place], initial=0.0)
+            if 1.01 * 2.0 * np.pi < largest <= 360.0 and np.nanmin(values[place], initial=0.0) >= 0.0:
+                found[place] = 'deg', f'it goes to {largest:.4g}'
         if column.unit is not None or column.reading not in LARGEST_ANGLES:
             continue
         by_turn = next(
@@ -180,7 +184,7 @@ def _units_by_values(clock: Clock, columns: Sequence[Column], values: np.ndarray
             found[place] = by_rate, 'its rate says so'
     units = [unit for unit, _ in found.values()]
     for place, column in enumerate(columns if len(set(units)) == 1 else ()):
-        if column.unit is None and column.reading in LARGEST_ANGLES:
+        if column.unit is None and column.reading in LARGEST_ANGLES and np.nanmax(np.abs(values[place])) <= 180.0:
             found.setdefault(place, (units[0], 'the other angle is'))
     return found
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.columns import DEVICE
 from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.files import existing, reading
 from swath_sysid.formats.mti import is_mti, read_mti
@@ -44,7 +45,7 @@ def read_trial(
             ``/tf_static`` of a bag, else none.
         progress: Called with 0 to 1 while a long table is read.
         columns: The columns of a table by the quantity that they hold, where their names do not say so, as in
-            ``{'roll': 'Phi:deg', 'time': 't:s'}``.
+            ``{'roll': 'Phi:deg', 'time': 't:s'}``; as ``device`` the name of the one to read, of several.
 
     Returns:
         The motion in the craft's axes and SI units, with advice on what was repaired or left out.
@@ -68,7 +69,7 @@ def read_trial(
         if is_bag(path):
             table = attitude_table(path, topic) if topic else None
             if table is None:
-                return read_bag(path, topic, frame, mounting)
+                return read_bag(path, topic, frame, mounting, (columns or {}).get(DEVICE))
             trial = read_csv(path, frame, mounting, progress, columns, [table])
             return replace(trial, source=f'{path} {table.name}')
         if path.is_dir():
@@ -105,7 +106,7 @@ def read_readings(
     except OSError:
         bag = False  # read_trial says what is wrong
     if bag and not (topic and attitude_table(path, topic)):
-        return read_imu(path, topic)
+        return read_imu(path, topic, (columns or {}).get(DEVICE))
     trial = read_trial(path, topic=topic, frame=None if frame == 'flu' else frame, mounting=mounting, columns=columns)
     stamps = np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
     values = imu_values(replace(trial, yaw_rate=None))

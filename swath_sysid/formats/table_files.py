@@ -15,6 +15,7 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.devices import by_device, long_form
 from swath_sysid.formats.files import LONGEST_SHOWN, shown
 from swath_sysid.formats.registry import FOREIGN, TANK, TANK_ENDINGS, TankFormat
 from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, read_columns, read_head
@@ -46,14 +47,17 @@ def tables_in(path: str | Path) -> list[NamedColumns]:
     """Every table of a file, whose numbers are read when they are asked for."""
     kind = kind_of(path)
     if kind is None:
+        if tables := long_form(path):
+            return [each for table in tables for each in by_device(table)]
         head = read_head(path)
         read = partial(read_columns, path, head)
-        return [NamedColumns(head.names, read, head.remarks, head.kinds, place=head.place)]
+        return by_device(NamedColumns(head.names, read, head.remarks, head.kinds, place=head.place))
     with _guarded(path, kind):
         tables = import_module(f'swath_sysid.formats.tank.{kind.module}').tables(path)
     if not tables:
         raise InputError(f'{path} is {kind.what} without columns of numbers: save a vector or column for each signal')
-    return [replace(table, read=partial(_read, path, kind, table.read)) for table in tables]
+    tables = [replace(table, read=partial(_read, path, kind, table.read)) for table in tables]
+    return [each for table in tables for each in by_device(table)]
 
 
 def _is_matlab_4(header: Struct, start: bytes) -> bool:

@@ -95,10 +95,32 @@ def _names(lines: dict[int, Row]) -> tuple[tuple[str, ...], tuple[int, ...]]:
     above = [each for each in last if each < at][-1:]
     if units is None and above and len(texts[above[0]]) == len(texts[at]) and all(map(is_unit, texts[above[0]])):
         units = above[0]
+    texts[at] = _qualified(texts[at], [texts[each] for each in last if each < at and each != units])
     if units is None:
         return tuple(texts[at]), (at,)
     below = [*texts[units], *[''] * len(texts[at])]
     return tuple(with_unit(name, unit) for name, unit in zip(texts[at], below, strict=False)), (at, units)
+
+
+def _qualified(names: list[str], above: Sequence[list[str]]) -> list[str]:
+    """Names that recur, such as the X, Y, Z of several bodies, with what the rows above call each of them."""
+    again = [place for place, name in enumerate(names) if name and names.count(name) > 1]
+    parts = [[names[place]] for place in again]
+    for row in above if again else ():
+        if len(row) >= len(names) and all(row[place] for place in again):
+            prefixes = [row[place] for place in again]
+        elif {names.count(names[place]) for place in again} == {len(row) - 1}:
+            # a key, and then a name for each body
+            prefixes = [row[1 + names[:place].count(names[place])] for place in again]
+        else:
+            continue
+        finer = [[*part[:-1], prefix, part[-1]] for prefix, part in zip(prefixes, parts, strict=True)]
+        if len(set(map(tuple, finer))) > len(set(map(tuple, parts))):
+            parts = finer
+    if len(set(map(tuple, parts))) < len(parts):
+        return names
+    full = dict(zip(again, map('/'.join, parts), strict=True))
+    return [full.get(place, name) for place, name in enumerate(names)]
 
 
 def _are_units(cells: Sequence[str]) -> bool:

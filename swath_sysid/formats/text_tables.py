@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 from pathlib import Path
@@ -16,7 +16,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.cells import GROUPED, MISSING, known_number, marks_of, plain_text, seconds_of_text
 from swath_sysid.formats.files import BLOCK_BYTES, replacing, shown
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, balance, kind_of_cell, locate
-from swath_sysid.formats.vocabulary import INTERVALS, RATES, plain_name
+from swath_sysid.formats.vocabulary import INTERVALS, RATES, VALUE_NAMES, plain_name
 
 LARGEST_UNPACKED = 1 << 28  #: Numbers, or bytes of text, in one packed file, whatever its own size.
 
@@ -143,6 +143,24 @@ def read_head(path: str | Path) -> TableHead:
     )
 
 
+def read_long_head(path: str | Path) -> TableHead | None:
+    """What precedes the rows of a table with one value in each, by the name of that column; None of other tables."""
+    with _opened(path) as file:
+        raw = file.read(BLOCK_BYTES >> 5).splitlines(keepends=True)
+    lines = [_text(line).strip(' \r\n\0') for line in raw]
+    for at, line in enumerate(lines[:-1]):
+        for mark in (';', '\t', '|', ','):
+            names = tuple(_split(line, mark))
+            rows = [cells for each in lines[at + 1 :] if len(cells := _split(each, mark)) == len(names)]
+            if len(names) < 3 or sum(plain_name(name) in VALUE_NAMES for name in names) != 1 or len(rows) < 2:
+                continue
+            kinds = _with_clocks(names, [cells for cells in rows if tuple(cells) != names])[1]
+            marks = (False, '') if mark == ',' else _marks_in(lines[at + 1 :], mark)
+            offset = sum(map(len, raw[: at + 1]))
+            return TableHead(names, {}, mark, marks[0], at + 2, offset, kinds, marks[1], str(path), at + 1)
+    return None
+
+
 def read_columns(
     path: str | Path, head: TableHead, indices: Sequence[int], progress: Progress | None = None
 ) -> tuple[np.ndarray, tuple[Advice, ...]]:
@@ -161,6 +179,17 @@ def read_columns(
             if progress is not None:
                 progress(file.tell() / size)
     return parser.columns(), parser.advice()
+
+
+def rows_of(path: str | Path, head: TableHead) -> Iterator[list[str]]:
+    """The cells of each row, as text with decimal points."""
+    parser = BlockParser(head, ())
+    with _opened(path) as file:
+        file.seek(head.offset)
+        while block := file.read(BLOCK_BYTES):
+            for line in parser.plain(block + file.readline(BLOCK_BYTES)).split('\n'):
+                if line.strip() and not _is_comment(line):
+                    yield _split(line, head.delimiter)
 
 
 def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> None:
@@ -193,7 +222,7 @@ class BlockParser:
             self.zeros += block.count(b'\0')
             # with the line that was being written
             block = b'\n'.join(b'' if b'\0' in line else line for line in block.split(b'\n'))
-        lines = self._plain(block).split('\n')
+        lines = self.plain(block).split('\n')
         try:
             rows = self._parse_fast(lines)
         except ValueError:
@@ -227,7 +256,8 @@ class BlockParser:
             advice.append(Advice.of('zero-bytes', number=self.zeros))
         return tuple(advice)
 
-    def _plain(self, block: bytes) -> str:
+    def plain(self, block: bytes) -> str:
+        """A block as text, its numbers with decimal points."""
         if not block.isascii():
             for form, mark in OTHER_MARKS:
                 block = form.sub(mark, block)

@@ -14,7 +14,7 @@ from swath_sysid.attitude.motion.intake import NOT_MEASURED
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.common.advice import did_you_mean
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.columns import read_table
+from swath_sysid.formats.columns import DEVICE, read_table
 from swath_sysid.formats.files import existing, reading, shown
 from swath_sysid.formats.messages import SECOND_NS, imu_reading, stamp_of, typestore
 from swath_sysid.formats.topics import IMU
@@ -104,7 +104,7 @@ def read_upstream(
     with reading(path):
         path = existing(path)
         if is_bag(path):
-            return _of_bag(path, names, read_imu(path, topic))
+            return _of_bag(path, names, read_imu(path, topic, (columns or {}).get(DEVICE)))
         return _of_table(path, names, columns or {})
 
 
@@ -115,7 +115,7 @@ def _of_table(path: Path, names: Sequence[str], columns: Mapping[str, str]) -> d
         missing = [name for each, name in plain.items() if each not in found]
         return f"column '{shown(missing[0])}' for an upstream channel" if missing else ''
 
-    assigned = {quantity: source for quantity, source in columns.items() if plain_name(quantity) == 'time'}
+    assigned = {quantity: source for quantity, source in columns.items() if plain_name(quantity) in ('time', DEVICE)}
     table = read_table(path, [Quantity(each, (each,), ('',)) for each in plain], lacking, None, assigned)
     time, found = table.time(), {}
     for each, values in table.readings().items():

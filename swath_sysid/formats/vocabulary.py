@@ -36,6 +36,7 @@ _SPELT = {spelt: unit for unit, said in _TABLE['units'].items() for spelt in (un
 LONGEST_UNIT = max(spelt.count('_') + 1 for spelt in _SPELT)
 TIME_NAMES, FURTHER_TIMES = _TABLE['time']['names'], _TABLE['time']['also']
 DATE_NAMES, WEEK_NAMES = _TABLE['date'], _TABLE['week']
+FIELD_NAMES, VALUE_NAMES = _TABLE['fields'], _TABLE['values']  #: Of tables with one value in each row.
 #: Of a number beside the columns that stands in for a time, per second and in seconds.
 RATES, INTERVALS = _TABLE['rates'], _TABLE['intervals']
 SPANS: dict[str, float] = _TABLE['spans']  #: Of clocks, s.

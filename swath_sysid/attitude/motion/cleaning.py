@@ -45,6 +45,33 @@ def one_row_per_sample(time: np.ndarray, channels: Channels) -> tuple[np.ndarray
     return time, channels, advice
 
 
+def on_common_rows(time: np.ndarray, channels: Channels) -> tuple[np.ndarray, Channels, list[Advice]]:
+    """A record in which sensors with stamps of their own were joined, which leaves cells empty: the rows of the first
+    angle, and the channels of other rows interpolated to them, but not over their gaps; and advice.
+    """
+    known = {name: np.isfinite(values) & np.isfinite(time) for name, values in channels.items()}
+    counts = {name: int(np.count_nonzero(rows)) for name, rows in known.items()}
+    lead = next(
+        (name for name in ('roll', 'pitch', *QUATERNION) if counts.get(name)), max(counts, key=counts.__getitem__)
+    )
+    base, moved = known[lead], {}
+    for name, rows in known.items():
+        if np.count_nonzero(rows & base) >= 0.5 * min(counts[name], counts[lead]) or counts[name] < MIN_ROWS:
+            continue
+        own, first = np.unique(time[rows], return_index=True)
+        values = channels[name][rows][first]
+        values = np.unwrap(values) if name in ('roll', 'pitch', 'yaw', 'heading') else values
+        after = np.clip(np.searchsorted(own, time[base]), 1, own.size - 1)
+        near = own[after] - own[after - 1] <= GAP_INTERVALS * np.median(np.diff(own))
+        there = np.where(near, np.interp(time[base], own, values, np.nan, np.nan), np.nan)
+        if np.count_nonzero(np.isfinite(there)) > 0.5 * min(counts[name], counts[lead]):
+            moved[name] = there
+    if not moved:
+        return time, channels, []
+    others = {name: values[base] for name, values in channels.items()}
+    return time[base], others | moved, [Advice.of('joined-sensors', channels=', '.join(moved), lead=lead)]
+
+
 def _repeated_samples(repeats: np.ndarray, channels: Channels) -> np.ndarray:
     """Which rows with the stamp of the previous one hold the same sample: copies, where most of them are copies; else
     all of them, where they differ from it less than the motion does from one stamp to the next.
@@ -373,6 +400,7 @@ def assemble_trial(
     installation = installation or Installation()
     name = source or 'the record'
     time, readings, sample_advice = one_row_per_sample(time, readings)
+    time, readings, joined_advice = on_common_rows(time, readings)
     recorded = len(time)
     time, readings, cleaning_advice = clean(time, readings, name)
     channels, motion_advice = _craft_channels(time, readings, installation, name)
@@ -388,7 +416,7 @@ def assemble_trial(
         source=source,
         draft=draft,
         initial_angle=initial_angle,
-        advice=(*advice, *sample_advice, *cleaning_advice, *motion_advice, *contradictions),
+        advice=(*advice, *sample_advice, *joined_advice, *cleaning_advice, *motion_advice, *contradictions),
         usable_share=len(time) / recorded,
         understood=understood,
         installation=installation if is_of_sensor else None,

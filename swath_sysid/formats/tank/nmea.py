@@ -1,8 +1,8 @@
 """NMEA 0183 logs.
 
 Roll, pitch and heading are those of the sentences ``PASHR``, ``PRDID``, ``PSXN,23``, ``PFEC,GPatt`` and ``XDR``
-(forward-right-down); the time is that of the sentence, or of the last ``ZDA``, ``RMC`` or ``GGA``, else the one that a
-logger wrote before the sentence.
+(forward-right-down); each talker is a table; the time is that of the sentence, or of the last ``ZDA``, ``RMC`` or
+``GGA``, else the one that a logger wrote before the sentence.
 """
 
 import os
@@ -19,6 +19,7 @@ from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.cells import seconds_of_text
 from swath_sysid.formats.text_tables import NamedColumns, check_size, of_arrays
+from swath_sysid.formats.vocabulary import plain_name
 
 #: What the fields of a sentence are, by how it begins.
 SENTENCES = {
@@ -31,13 +32,16 @@ NAMES = ('time_s', 'roll_deg', 'pitch_deg', 'heading_deg')
 TIMED = ('ZDA,', 'RMC,', 'GGA,')
 LINE = re.compile(r'([^$\r\n]*)\$([A-Za-z]+,[^*\r\n]*)(?:\*([0-9A-Fa-f]{2}))?')
 CLOCK = re.compile(r'(\d\d)(\d\d)(\d\d(\.\d*)?)')
-XDR = re.compile(r'A,([-+.\d]+),D,\w*?(PITCH|PTCH|ROLL)', re.IGNORECASE)
+XDR = re.compile(r'A,([-+.\d]+),D,([^,*]*)')
+#: What a transducer of the attitude may be called, by the first letter of the quantity.
+TRANSDUCERS = {'p': ('pitch', 'ptch', 'trim'), 'r': ('roll', 'heel', 'krang', 'kraeng', 'gite')}
 
 
 def tables(path: str | Path) -> list[NamedColumns]:
-    """The one table of the attitude."""
+    """The attitude by talker."""
     check_size(path, os.path.getsize(path))
-    rows, clock, damaged = [], '', 0
+    rows: dict[str, list[list[float]]] = {}
+    clock, damaged = '', 0
     for before, said, checksum in LINE.findall(Path(path).read_text('latin-1')):
         row, is_whole = _attitude(said), not checksum or reduce(xor, said.encode('latin-1')) == int(checksum, 16)
         damaged += bool(row) and not is_whole
@@ -45,25 +49,33 @@ def tables(path: str | Path) -> list[NamedColumns]:
             clock = said.split(',')[1]
         if is_whole and row:
             times = _seconds(row.get('t', clock)), _logged(before)
-            rows.append([*times, *(_number(row.get(name, '')) for name in 'rph')])
+            talker = said.split(',')[0] if said.startswith('P') else said[:2]
+            rows.setdefault(talker, []).append([*times, *(_number(row.get(name, '')) for name in 'rph')])
     if not rows:
         raise InputError(f'{path} is an NMEA log without a sentence of the attitude: log {", ".join(SENTENCES)} or XDR')
-    number = damaged + len(rows)
+    number = damaged + sum(map(len, rows.values()))
     if damaged > LOST_SHARE * number:
         raise InputError(
             f'{path}: {damaged} of {number} sentences of the attitude ({damaged / number:.0%}) have a wrong checksum: '
             'check the cable and the baud rate'
         )
     advice = (Advice.of('damaged-messages', path=path, number=damaged),) if damaged else ()
+    return [_table(talker, found, advice) for talker, found in rows.items()]
+
+
+def _table(talker: str, rows: list[list[float]], advice: tuple[Advice, ...]) -> NamedColumns:
     time, logged, *angles = np.array(rows).T
     columns = zip(NAMES, (time if np.isfinite(time).any() else logged, *angles), strict=True)
-    table = of_arrays({n: v for n, v in columns if np.isfinite(v).any()}, {'frame': 'frd'}, '')
-    return [replace(table, read=lambda places, progress: (table.read(places, progress)[0], advice))]
+    table = of_arrays({n: v for n, v in columns if np.isfinite(v).any()}, {'frame': 'frd'}, talker)
+    return replace(table, read=lambda places, progress: (table.read(places, progress)[0], advice))
 
 
 def _attitude(said: str) -> dict[str, str]:
     """What a sentence says of the attitude, by the first letter of the quantity; empty if nothing."""
-    row = {name[0].lower(): value for value, name in XDR.findall(said)} if said[2:].startswith('XDR,') else {}
+    row = {}
+    for value, name in XDR.findall(said) if said[2:].startswith('XDR,') else ():
+        plain = plain_name(name)
+        row |= {key: value for key, words in TRANSDUCERS.items() if any(word in plain for word in words)}
     for begin, fields in SENTENCES.items():
         if said.startswith(begin):
             row = {name[0]: value for name, value in zip(fields.split(), said[len(begin) :].split(','), strict=False)}

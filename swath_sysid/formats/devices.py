@@ -1,0 +1,130 @@
+"""Several devices in one table: in rows, as databases export them, or in columns that their names divide."""
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from swath_sysid.common.advice import Advice
+from swath_sysid.formats.cells import known_number, seconds_of_text
+from swath_sysid.formats.clocks import clocks_of
+from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, kind_of_cell
+from swath_sysid.formats.text_tables import NamedColumns, TableHead, check_size, of_arrays, read_long_head, rows_of
+from swath_sysid.formats.vocabulary import FIELD_NAMES, MOTION_QUANTITIES, VALUE_NAMES, matched, plain_name, with_unit
+
+LABELLED = re.compile(r'([^{}]+)\{(.*)\}')  #: As Prometheus writes a series: ``roll_deg{device="a"}``.
+#: Between the name of a device and that of a reading, but not within the brackets of a unit.
+BETWEEN = re.compile(r'[/.](?![^\[(]*[\])])')
+
+
+def is_motion(name: str) -> bool:
+    """Whether a name as written is that of a motion."""
+    return bool(matched([plain_name(name)], MOTION_QUANTITIES))
+
+
+def by_device(table: NamedColumns) -> list[NamedColumns]:
+    """A table for each device, where the names of the columns begin with one; else the table."""
+    split = [_device_and_reading(name) for name in table.names]
+    devices = dict.fromkeys(device for device, name in split if device and is_motion(name))
+    if not devices or any(is_motion(name) for device, name in split if not device):
+        return [table]
+    return [_of_device(table, split, device, devices.keys() - {device}) for device in devices]
+
+
+def _device_and_reading(name: str) -> tuple[str, str]:
+    if labelled := LABELLED.fullmatch(name):
+        return labelled[2], labelled[1]
+    places = (0, *(mark.end() for mark in BETWEEN.finditer(name)))
+    at = next((at for at in places if is_motion(name[at:])), 0)
+    return name[: max(at - 1, 0)], name[at:]
+
+
+def _of_device(table: NamedColumns, split: Sequence[tuple[str, str]], device: str, others: set[str]) -> NamedColumns:
+    own = [place for place, (prefix, _) in enumerate(split) if prefix not in others]
+    return replace(
+        table,
+        names=tuple(split[k][1] if split[k][0] == device else table.names[k] for k in own),
+        read=lambda places, progress: table.read([own[place] for place in places], progress),
+        kinds={at: table.kinds[place] for at, place in enumerate(own) if place in table.kinds},
+        name='/'.join(filter(None, (table.name, device.strip('/')))),
+    )
+
+
+def long_form(path: str | Path) -> list[NamedColumns]:
+    """The tables, one for each device, of a text with one value in each row and its name beside it; empty if it is
+    none. The values of a device are in the order of their times.
+    """
+    head = read_long_head(path)
+    if head is None:
+        return []
+    plain = [plain_name(name) for name in head.names]
+    sample = list(islice(_rows(path, head), ROWS_OF_SAMPLE))
+    texts = [place for place in range(len(plain)) if any(kind_of_cell(cells[place]) == 'text' for cells in sample)]
+    fields = [place for place in texts if any(is_motion(cells[place]) for cells in sample)]
+    fields += [plain.index(name) for name in FIELD_NAMES if name in plain and plain.index(name) in texts]
+    value = next(place for place, name in enumerate(plain) if name in VALUE_NAMES)
+    if not fields or value in texts:
+        return []
+    check_size(path, os.path.getsize(path))
+    return list(_pivoted(path, head, value, fields[0], texts))
+
+
+def _rows(path: str | Path, head: TableHead) -> Iterator[list[str]]:
+    """The rows that are whole and repeat no header."""
+    return (cells for cells in rows_of(path, head) if len(cells) == len(head.names) and tuple(cells) != head.names)
+
+
+def _pivoted(path: str | Path, head: TableHead, value: int, field: int, texts: Sequence[int]) -> Iterator[NamedColumns]:
+    rows = list(_rows(path, head))
+    widths = np.array([len(cells) for cells in rows_of(path, head)])
+    short = np.flatnonzero(widths != len(head.names))
+    advice = tuple(
+        Advice.of('rows-of-other-width', number=short.size, line=head.first_line + at) for at in short[:1].tolist()
+    )
+    unit = next((place for place in texts if plain_name(head.names[place]) in ('unit', 'units')), None)
+    names = [with_unit(cells[field], cells[unit]) if unit is not None else cells[field] for cells in rows]
+    tags = [place for place in texts if place not in (field, unit)]
+    # what every name has one of tells no devices apart
+    tags = [tag for tag in tags if len({(n, c[tag]) for n, c in zip(names, rows, strict=True)}) > len(set(names))]
+    devices: dict[str, list[int]] = {}
+    for at, cells in enumerate(rows):
+        devices.setdefault('/'.join(cells[tag] for tag in tags), []).append(at)
+    shared = [place for place in range(len(head.names)) if place not in (value, *texts)]
+    number = cache(_number)
+    for device, own in devices.items():
+        fields = list(dict.fromkeys(names[at] for at in own))
+        check_size(path, len(fields) * len(own))
+        columns = {head.names[place]: np.array([number(rows[at][place]) for at in own]) for place in shared}
+        place_of = {name: place for place, name in enumerate(fields)}
+        cells = np.full((len(fields), len(own)), np.nan)
+        cells[[place_of[names[at]] for at in own], np.arange(len(own))] = [_number(rows[at][value]) for at in own]
+        columns |= dict(zip(fields, cells, strict=True))
+        table = replace(
+            of_arrays(columns, head.remarks, device),
+            kinds={at: head.kinds[place] for at, place in enumerate(shared) if place in head.kinds},
+            place=', '.join(filter(None, (head.place, f"one value a row, named by '{head.names[field]}'"))),
+        )
+        yield _in_time(table, columns, advice)
+
+
+def _in_time(table: NamedColumns, columns: dict[str, np.ndarray], advice: tuple[Advice, ...]) -> NamedColumns:
+    """A table with its rows in the order of its time."""
+    clock = next(iter(clocks_of([plain_name(name) for name in table.names], table)), ())
+    keys = [columns[column.name] for column in reversed(clock)]
+    arrays = np.stack(list(columns.values()))
+    arrays = arrays[:, np.lexsort(keys)] if keys else arrays
+    return replace(table, read=lambda places, _: (arrays[list(places)], advice))
+
+
+def _number(cell: str) -> float:
+    for read in (known_number, seconds_of_text):
+        try:
+            return read(cell)
+        except ValueError:
+            continue
+    return np.nan
