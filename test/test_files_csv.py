@@ -101,7 +101,7 @@ def test_cut_off_last_line_repeated_head_and_line_numbers_across_blocks(tmp_path
     text = lines('time_s,roll_rad,pitch_rad', TIME, ROLL, ROLL)
     trial = read_csv(written(tmp_path, text + '# again\ntime_s,roll_rad,pitch_rad\n2.0,0.1'))
     assert trial.time[-1] == 2.0 and trial.roll[-1] == 0.1 and np.isnan(trial.pitch[-1])
-    assert codes(trial) == ['text-in-numbers', 'short-rows', 'missing-stamps', 'missing-values']
+    assert codes(trial) == ['text-in-numbers', 'short-rows', 'empty-rows', 'missing-values']
     assert 'line 23' in trial.advice[0].message and 'line 24' in trial.advice[1].message
     monkeypatch.setattr(text_tables, 'BLOCK_BYTES', 64)
     rows = lines('time_s,roll_rad', TIME, ROLL).splitlines()
@@ -220,7 +220,7 @@ def test_dates_are_a_time(tmp_path, form, name):
     # one that is damaged costs its row
     path.write_text(path.read_text().replace(rows[250], rows[250].replace('05', 'xx', 1)))
     trial = read_csv(path)
-    assert trial.time.size == 499 and [each.code for each in trial.advice][:2] == ['text-in-numbers', 'missing-stamps']
+    assert trial.time.size == 499 and [each.code for each in trial.advice][:2] == ['text-in-numbers', 'empty-rows']
 
 
 def test_a_slip_in_a_name_a_column_without_a_unit_and_a_time_that_runs_backwards_are_reported(tmp_path):

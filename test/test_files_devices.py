@@ -74,7 +74,7 @@ def test_two_devices_are_named_and_each_can_be_chosen(tmp_path, capsys, kind):
     path = tmp_path / kind
     path.write_text('\n'.join(lines) + '\n')
     columns = {'time': '__time:s'} if 'plot' in kind else {}
-    with pytest.raises(InputError, match='holds 2 devices or tables') as refused:
+    with pytest.raises(InputError, match='holds 2 tables') as refused:
         read_trial(path, columns=columns)
     side = -1 if kind.startswith('nmea') else 1
     for device in ROLL:

@@ -2,6 +2,7 @@
 
 import re
 import struct
+import subprocess
 import sys
 import zipfile
 from datetime import UTC, datetime, timedelta
@@ -17,7 +18,9 @@ from scipy.io import savemat
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import text_tables as named_columns
+from swath_sysid.formats.cells import kind_of_text, seconds_of_text
 from swath_sysid.formats.reading import read_trial
+from swath_sysid.formats.tank import mat
 from swath_sysid.formats.vocabulary import plain_name
 
 STEP = 0.05
@@ -344,7 +347,8 @@ def test_a_px4_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path, monke
         read_trial(tmp_path / 'a.ulg')
 
 
-def test_an_ardupilot_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path, monkeypatch):
+@pytest.mark.parametrize('clock', ['TimeUS', 'TimeMS'])
+def test_an_ardupilot_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path, monkeypatch, clock):
     path, rate = tmp_path / 'a.bin', np.radians(np.gradient(ROLL, TIME))
     path.write_bytes(b'\xa3\x95\x80')
     with monkeypatch.context() as absent:
@@ -353,8 +357,8 @@ def test_an_ardupilot_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path
             read_trial(path)
     reader = pytest.importorskip('pymavlink.DFReader')
     known = {
-        'ATT': (1, 'Qccc', 'TimeUS,Roll,Pitch,Yaw'),
-        'IMU': (2, 'QBffffff', 'TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ'),
+        'ATT': (1, 'Qccc', f'{clock},Roll,Pitch,Yaw'),
+        'IMU': (2, 'QBffffff', f'{clock},I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ'),
     }
     log = b''
     for name, (number, fields, names) in known.items():
@@ -362,7 +366,7 @@ def test_an_ardupilot_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path
         log += struct.pack('<3s2B4s16s64s', b'\xa3\x95\x80', number, size, *map(str.encode, (name, fields, names)))
         known[name] = reader.DFFormat(number, name, size, fields, names)
     for t, angle, turn in zip(TIME, 100.0 * ROLL, rate, strict=True):
-        at = int(1e6 * t + 5e6)
+        at = int((1e6 if clock == 'TimeUS' else 1e3) * (t + 5.0))
         imu = [[at, sensor, turn if sensor == 0 else 9.0, 0.0, 0.0, 0.0, 0.0, -9.81] for sensor in (0, 1)]
         for name, values in (*(('IMU', each) for each in imu), ('ATT', [at, round(angle), 0, 0])):
             log += reader.DFMessage(known[name], values, True, None).get_msgbuf()
@@ -402,6 +406,66 @@ STRICT = (
     ('http://schemas.openxmlformats.org/spreadsheetml/2006/', 'http://purl.oclc.org/ooxml/spreadsheetml/'),
     ('http://schemas.openxmlformats.org/officeDocument/2006/', 'http://purl.oclc.org/ooxml/officeDocument/'),
 )
+
+
+def test_links_units_and_packed_values_of_hdf5(tmp_path):
+    h5py = pytest.importorskip('h5py')
+    with h5py.File(tmp_path / 'a.nc', 'w') as file:
+        groups = [file.create_group(f'g{at}') for at in range(12)]
+        for at, group in enumerate(groups):
+            for other in (at + 1, at + 1 if at % 2 else at):  # twice to the next, or in a circle
+                group[f'l{at}{len(group)}'] = groups[other % 12]
+        file['gone'] = h5py.SoftLink('/nowhere')
+        run = groups[11].create_group('run')
+        run['time'], run['roll'] = TIME + 8e8, np.round(ROLL / 0.01).astype(int)
+        run['roll'][3] = -9999
+        run['time'].attrs['units'], run['roll'].attrs['units'] = 'seconds since 2000-01-01', 'degrees'
+        run['roll'].attrs['scale_factor'], run['roll'].attrs['_FillValue'] = 0.01, -9999
+    trial = read_trial(tmp_path / 'a.nc')
+    known = np.arange(TIME.size) != 3
+    assert trial.time - trial.time[0] == pytest.approx(TIME, abs=1e-6)
+    assert np.degrees(trial.roll[known]) == pytest.approx(ROLL[known], abs=0.0051) and np.isnan(trial.roll[3])
+    assert '/gone' in next(each.message for each in trial.advice if each.code == 'dangling-links')
+    # another process writes it
+    write = "import h5py, sys; file = h5py.File(sys.argv[1], 'a'); print('open', flush=True); sys.stdin.read()"
+    with subprocess.Popen([sys.executable, '-c', write, tmp_path / 'a.nc'], stdin=-1, stdout=-1) as other:
+        assert other.stdout.readline() == b'open\n'
+        with pytest.raises(InputError, match='is open in another program'):
+            read_trial(tmp_path / 'a.nc')
+        other.stdin.close()
+
+
+def test_objects_of_matlab_and_sheets_without_names_say_what_to_do(tmp_path, monkeypatch):
+    opaque = np.array([(b'run', b'MCOS', b'timeseries', 0)], dtype=[(f's{k}', object) for k in range(4)])
+    monkeypatch.setattr(mat, 'loadmat', lambda *_, **__: {'None': mat.MatlabOpaque(opaque)})
+    savemat(tmp_path / 'a.mat', {'x': 1.0}, do_compression=True)
+    with pytest.raises(InputError, match=r'such as run, a timeseries.*time_s = run.Time; roll_deg = run.Data; save\('):
+        read_trial(tmp_path / 'a.mat')
+    (tmp_path / 'a.csv').write_text('\n'.join(f'{t:.2f},{angle:.3f}' for t, angle in zip(TIME, ROLL, strict=True)))
+    book = pytest.importorskip('openpyxl').Workbook()
+    for row in zip(map(float, TIME), map(float, ROLL), strict=True):
+        book.active.append(row)
+    book.save(tmp_path / 'a.xlsx')
+    for name, first in (('a.csv', r'0\.00, 6\.000'), ('a.xlsx', r'0, 6')):
+        with pytest.raises(InputError, match=f'no line of column names.*its first row is {first}'):
+            read_trial(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    'written, meant',
+    [
+        ('27-Nov-2026 10:00:00.250', (2026, 11, 27, 10, 0, 0, 250000)),
+        ('27.11.26 10:00:00,250', (2026, 11, 27, 10, 0, 0, 250000)),
+        ('27. Dez. 2026 10:00:00', (2026, 12, 27, 10)),
+        ('2024-03-22_12:29:38:802127', (2024, 3, 22, 12, 29, 38, 802127)),
+        ('2026-11-27 10:00:00.250 UTC', (2026, 11, 27, 10, 0, 0, 250000)),
+        ('27/juil./2026 10:00:00', (2026, 7, 27, 10)),
+        ('27-Jun-26 10:00:00 PM', (2026, 6, 27, 22)),
+    ],
+)
+def test_dates_as_people_write_them(written, meant):
+    assert kind_of_text(written) == 'date'
+    assert seconds_of_text(written) == pytest.approx(datetime(*meant, tzinfo=UTC).timestamp(), abs=1e-6)
 
 
 @pytest.mark.parametrize('habit', ['dimension', 'strict', 'comma'])

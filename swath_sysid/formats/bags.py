@@ -26,7 +26,7 @@ from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import BLOCK_BYTES, existing, reading
-from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of
+from swath_sysid.formats.mcap_checksums import copy_whole_records, damage_of, is_ros2
 from swath_sysid.formats.messages import (
     IMU_PARTS,
     IMU_VALUES,
@@ -93,11 +93,11 @@ class ImuRecord:
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether something is a rosbag2 bag: a folder of storage files, or one such file."""
+    """Whether something is a rosbag2 bag: a folder of storage files, or one such file, also compressed."""
     path = Path(path)
     if path.is_dir():
         return (path / METADATA_FILE).is_file() or bool(_storage_files(path))
-    return _storage_kind(path) is not None
+    return _storage_kind(path) is not None or path.suffix == '.zstd' and _unpacked_name(path).suffix in STORAGES
 
 
 def read_bag(
@@ -169,9 +169,9 @@ def read_imu(path: str | Path, topic: str | None = None, device: str | None = No
 
 def attitude_table(path: str | Path, topic: str) -> NamedColumns | None:
     """The table of a topic with angles, whose unit no message states, or orientations; None of other types."""
-    name = f'/{topic.lstrip("/")}'
     with opened_bag(path) as (readers, _):
         kinds = {c.topic: c.msgtype for reader in readers for c in reader.connections}
+    name = topic_named(topic, kinds)
     if kinds.get(name) not in ATTITUDES:
         return None
     columns, place = ATTITUDES[kinds[name]]
@@ -332,21 +332,39 @@ def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]
     return readers, advice
 
 
+class _Schemas(dict):
+    """Those of an mcap file, for a library that ends at the first in an encoding other than those of ROS 2."""
+
+    def __setitem__(self, key: int, schema: Any) -> None:
+        is_known = schema.encoding in ('ros2msg', 'ros2idl', 'omgidl', '')
+        super().__setitem__(key, schema if is_known else schema._replace(encoding='', data=''))
+
+
+def _named_by_encoding(connection: Any) -> Any:
+    """A connection whose type says that its messages are not in CDR."""
+    encoding = connection.ext.serialization_format
+    own = encoding in ('cdr', '')
+    return connection if own else connection._replace(msgtype=f'{connection.msgtype} in {encoding}')
+
+
 class _Storage:
     """An open storage file, whose messages are unpacked where a recorder has compressed each."""
 
     def __init__(self, file: Path, kind: str, stack: ExitStack) -> None:
         # the library makes an address of the name of a database
         self._reader = Reader.STORAGE_PLUGINS[kind](Path(quote(os.fsencode(file))) if kind == '.db3' else file)
+        if kind == '.mcap':
+            self._reader.schemas = _Schemas()
         self._reader.open()
         stack.callback(self._reader.close)
-        self.connections = self._reader.connections
+        self.connections = [_named_by_encoding(each) for each in self._reader.connections]
 
     def messages(self, connections: Collection[Any]) -> Iterator[tuple[Any, int, bytes]]:
         """Connection, time of reception, ns, and bytes, by that time or, without an index, as they lie there."""
         scan = getattr(self._reader, 'messages_scan', None)
         read = scan if scan and not getattr(self._reader, 'chunks', None) else self._reader.messages
-        for connection, time_ns, raw in read(connections):
+        own = {each.id for each in connections}
+        for connection, time_ns, raw in read([each for each in self._reader.connections if each.id in own]):
             is_packed = isinstance(raw, bytes) and raw.startswith(ZSTD)
             yield connection, time_ns, zstd.decompress(raw) if is_packed else raw
 
@@ -361,6 +379,10 @@ def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]
                 raise InputError(f'{path} is neither an mcap nor a SQLite file: give a rosbag2 bag')
             if kind == '.mcap' and (damage := damage_of(file)):
                 raise ValueError(damage)
+            if kind == '.mcap' and not is_ros2(file):
+                plain = _temporary(stack)
+                copy_whole_records(file, plain)
+                file = plain
         return [_Storage(file, kind, stack)], []
     except InputError:
         raise
@@ -430,6 +452,11 @@ def _storage_kind(path: Path) -> str | None:
     return next((ending for ending, magic in BAGS.items() if start.startswith(magic)), None)
 
 
+def topic_named(given: str, topics: Collection[str]) -> str:
+    """The topic as a bag names it: some converters leave the slash before it out."""
+    return next((name for name in topics if name.lstrip('/') == given.lstrip('/')), f'/{given.lstrip("/")}')
+
+
 def chosen_topic(path: str | Path, readers: Sequence[Any], kind: str, given: str | None, code: str = '') -> str:
     """The topic of a type to read: that given, else the only one; errors have a code."""
     types = {c.topic: c.msgtype for reader in readers for c in reader.connections}
@@ -441,7 +468,7 @@ def chosen_topic(path: str | Path, readers: Sequence[Any], kind: str, given: str
         raise InputError(f'{path} holds forecasts, and no {kind} of a sensor: record the sensor, or name a topic', code)
     fitting = measured or fitting
     if given:
-        name = f'/{given.lstrip("/")}'
+        name = topic_named(given, types)
         if types.get(name) == kind:
             return name
         problem = f'{name} of type {types[name]}, not {kind}' if name in types else f'no topic {name}'

@@ -1,6 +1,7 @@
 """Cells of tables: what kind of value a text holds, and the value."""
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from datetime import UTC, datetime, time, timedelta
 from typing import Any
@@ -15,14 +16,20 @@ _NUMBER = re.compile(
     r'([eEdD][-+]?\d+)?\s?[°%]?'
 )
 _ISO = re.compile(r'\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\d(:?\d\d)?)?', re.IGNORECASE)
-_CLOCK = r'((?P<h>\d{1,2}):)?(?P<m>\d\d?):(?P<s>\d\d([.,:]\d+)?)\s*(?P<half>[ap]\.?m\.?)?(Z|[+-]\d\d:?\d\d)?'
+_CLOCK = r'((?P<h>\d{1,2}):)?(?P<m>\d\d?):(?P<s>\d\d([.,:]\d+)?)\s*(?P<half>[ap]\.?m\.?)?\s*(Z|UTC|GMT|[+-]\d\d:?\d\d)?'
 _YEAR_FIRST = r'(?P<Y>\d{4})(?P<mark>[-/.])(?P<M>\d\d?)(?P=mark)(?P<D>\d\d?)'
-_YEAR_LAST = r'(?P<a>\d\d?)(?P<by>[-/.])(?P<b>\d\d?)(?P=by)(?P<y>\d{4})'
-_DAY = f'({_YEAR_FIRST}|{_YEAR_LAST})'
+_YEAR_LAST = r'(?P<a>\d\d?)(?P<by>[-/.])(?P<b>\d\d?)(?P=by)(?P<y>\d{4}|\d\d)'
+#: How months begin in English, German, French, Spanish and Italian, without accents.
+MONTHS = (
+    'jan gen ene', 'feb fev', 'mar mrz', 'apr avr abr', 'may mai mag', 'jun juin giu', 'jul juil lug', 'aug aou ago',
+    'sep set', 'oct okt ott', 'nov', 'dec dez dic',
+)  # fmt: skip
+_MONTH = r'(?P<d>\d\d?)[-/. ]{1,2}(?P<month>[^\W\d_]{3,10})[-/. ]{1,2}(?P<yy>\d{4}|\d\d)'
+_DAY = f'({_YEAR_FIRST}|{_YEAR_LAST}|{_MONTH})'
 _FORMS = {
     'clock': re.compile(_CLOCK, re.IGNORECASE),
     'day': re.compile(_DAY),
-    'date': re.compile(rf'{_DAY}[,T ]\s*{_CLOCK}', re.IGNORECASE),
+    'date': re.compile(rf'{_DAY}[,T _]\s*{_CLOCK}', re.IGNORECASE),
 }
 
 THOUSANDS = re.compile(r'[-+]?\d{1,3}(,\d{3})+')
@@ -76,7 +83,7 @@ def seconds_of_text(cell: str) -> float:
         hour = int(said['h'] or 0) % (12 if said['half'] else 24)
         late = 12 if (said['half'] or '').lower().startswith('p') else 0
         seconds = 3600.0 * (hour + late) + 60.0 * int(said['m']) + float(re.sub('[,:]', '.', said['s']))
-    if said.get('Y') or said.get('y'):
+    if said.get('Y') or said.get('y') or said.get('yy'):
         seconds += _since_1970(datetime(*_year_month_day(said)))
     return seconds
 
@@ -84,8 +91,21 @@ def seconds_of_text(cell: str) -> float:
 def _year_month_day(said: dict[str, str]) -> tuple[int, int, int]:
     if said['Y']:
         return int(said['Y']), int(said['M']), int(said['D'])
+    if said['month']:
+        name = plain_letters(said['month']).replace('mae', 'mar')
+        month = next((at for at, ways in enumerate(MONTHS, 1) if name.startswith(tuple(ways.split()))), 0)
+        return _whole_year(said['yy']), month, int(said['d'])
     day, month = int(said['a']), int(said['b'])
-    return int(said['y']), *((day, month) if month > 12 else (month, day))
+    return _whole_year(said['y']), *((day, month) if month > 12 else (month, day))
+
+
+def _whole_year(year: str) -> int:
+    return int(year) + 2000 * (len(year) == 2)
+
+
+def plain_letters(text: str) -> str:
+    """A text in lower case and without accents."""
+    return re.sub('[\u0300-\u036f]', '', unicodedata.normalize('NFKD', text.lower().replace('ß', 'ss')))
 
 
 def numbers_of(values: Any) -> np.ndarray:

@@ -317,7 +317,7 @@ def _choice_is_open(
         column = next((column for column in columns if column.unit), columns[0])
         listed = listed_names([match.table.name for match in matches])
         return InputError(
-            f'{path} holds {len(matches)} devices or tables that can be read ({listed}): choose one by its name, or by '
+            f'{path} holds {len(matches)} tables that can be read ({listed}): choose one by its name, or by '
             f"assigning a column of it, as in '{column.reading}={table.name}/{column.name}:{column.unit or 'UNIT'}'",
             'several-devices',
         )

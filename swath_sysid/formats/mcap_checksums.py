@@ -17,7 +17,8 @@ from swath_sysid.formats.files import BLOCK_BYTES
 from swath_sysid.formats.registry import BAGS
 
 MAGIC = BAGS['.mcap']
-FOOTER, CHUNK, DATA_END = b'\x02', b'\x06', b'\x0f'
+HEADER, FOOTER, CHUNK, DATA_END = b'\x01', b'\x02', b'\x06', b'\x0f'
+ROS2 = b'\x04\0\0\0ros2\0\0\0\0'  #: The content of the header of a bag: profile and library.
 HEAD = struct.Struct('<cQ')
 FOOTER_BYTES = HEAD.size + 20 + len(MAGIC)
 #: Of a file without an index.
@@ -62,6 +63,12 @@ def damage_of(path: Path) -> str:
     return ''
 
 
+def is_ros2(path: Path) -> bool:
+    """Whether the header of an mcap file names the profile of ROS 2, as its library demands."""
+    with open(path, 'rb') as file:
+        return file.read(len(MAGIC) + HEAD.size + 8).endswith(ROS2[:8])
+
+
 def add_checksums(path: Path) -> None:
     """Write the check sums into a whole mcap file that has none: a flipped byte is not to pass for a measurement."""
     with open(path, 'rb+') as file:
@@ -92,7 +99,7 @@ def cut_off(path: Path, size: int) -> None:
 
 def copy_whole_records(path: Path, target: Path) -> None:
     """Copy an mcap file up to its last complete record, without chunks whose checksum fails and without an index. Of a
-    plain chunk that was cut off, its complete records are kept.
+    plain chunk that was cut off, its complete records are kept. The header names the profile of ROS 2.
     """
     size = path.stat().st_size
     with open(path, 'rb') as source, open(target, 'wb') as copy:
@@ -102,6 +109,8 @@ def copy_whole_records(path: Path, target: Path) -> None:
             length = HEAD.unpack(head)[1]
             if source.tell() + length <= size:
                 content = source.read(length)
+                if head[:1] == HEADER:
+                    head, content = HEAD.pack(HEADER, len(ROS2)), ROS2
                 if head[:1] != CHUNK or _chunk_holds(content):
                     copy.write(head + content)
                 continue

@@ -125,7 +125,7 @@ def read_head(path: str | Path) -> TableHead:
         raise InputError(f'{path} has a first line longer than {BLOCK_BYTES} bytes: write one row per sample')
     names, kinds = _with_clocks(found.names, [row for row in rows[found.first :] if any(row)])
     if not any(re.search(r'[^\W\d_]', name) for name in names):
-        raise InputError(f"{path} has no line of column names: put one above the numbers, such as 'time_s,roll_deg'")
+        raise no_names(path, rows[found.first] if found.first < len(rows) else names)
     _refuse_extra_cells(path, lines[found.first :][:ROWS_OF_SAMPLE], names, delimiter)
     above = [line for at, line in enumerate(lines[: found.first]) if line and at not in found.used]
     decimal_comma, thousands = (False, '') if delimiter == ',' else _marks_in(lines[found.first :], delimiter)
@@ -140,6 +140,14 @@ def read_head(path: str | Path) -> TableHead:
         thousands=thousands,
         path=str(path),
         names_line=found.used[0] + 1 if found.used else 1,
+    )
+
+
+def no_names(path: str | Path, cells: Sequence[str]) -> InputError:
+    """Why a table without names is not read."""
+    return InputError(
+        f"{path} has no line of column names: put one above the numbers, such as 'time_s,roll_deg'; its first row is "
+        f'{shown(", ".join(cells))}'
     )
 
 

@@ -128,14 +128,14 @@ def _of_table(path: Path, names: Sequence[str], columns: Mapping[str, str]) -> d
 
 def _of_bag(path: Path, names: Sequence[str], imu: ImuRecord) -> dict[str, UpstreamSeries]:
     """Stamps are those of the headers, else those of the IMU when a message arrived."""
-    from swath_sysid.formats.bags import intact_messages, opened_bag
+    from swath_sysid.formats.bags import intact_messages, opened_bag, topic_named
 
     assert imu.received is not None, 'messages of a bag have their time of arrival'
     wanted: dict[str, list[tuple[str, str]]] = {}
     with opened_bag(path) as (readers, advice):
         kinds = {c.topic: c.msgtype for reader in readers for c in reader.connections}
         for entry in names:
-            topic = f'/{entry.partition(":")[0].lstrip("/")}'
+            topic = topic_named(entry.partition(':')[0], kinds)
             if topic not in kinds:
                 raise InputError(
                     f'{path} holds no topic {topic}{did_you_mean(topic, kinds)}: choose from {", ".join(sorted(kinds))}'

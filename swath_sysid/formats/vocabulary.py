@@ -1,12 +1,12 @@
 """What the columns of tables may be called: columns.yaml, and how a name as written is matched with it."""
 
 import re
-import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from swath_sysid.common.wings import yaml_table
+from swath_sysid.formats.cells import plain_letters
 from swath_sysid.formats.files import shown
 
 
@@ -52,9 +52,8 @@ def plain_name(name: str) -> str:
     """``Roll rate [deg/s]`` as ``roll_rate_deg_s``, ``Time [hh:mm:ss]`` as ``time``."""
     if (unit := UNIT_IN_BRACKETS.search(name)) and _PATTERN.fullmatch(unit[1]):
         name = name[: unit.start()]
-    plain = name.lower().replace('°', 'deg').replace('º', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
-    plain = unicodedata.normalize('NFKD', plain.replace('ß', 'ss'))
-    plain = re.sub('[^a-z0-9]+', '_', re.sub('[\u0300-\u036f]', '', plain)).strip('_')
+    name = name.lower().replace('°', 'deg').replace('º', 'deg').replace('²', '2').replace('µ', 'u').replace('^', '')
+    plain = re.sub('[^a-z0-9]+', '_', plain_letters(name)).strip('_')
     return re.sub('_(per|p)_', '_', plain)
 
 

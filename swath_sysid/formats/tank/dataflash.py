@@ -7,6 +7,7 @@ its times.
 import io
 from contextlib import redirect_stderr
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ def tables(path: str | Path) -> list[NamedColumns]:
             # newer logs number the sensors
             if getattr(message, 'I', 0) == 0:
                 fields = FIELDS[message.get_type()]
-                rows[message.get_type()].append([getattr(message, field) for field in fields])
+                rows[message.get_type()].append([_field(message, field) for field in fields])
                 check_size(path, len(fields) * len(rows[message.get_type()]))
     if not rows['ATT']:
         raise InputError(f'{path} is an ArduPilot log without messages ATT: log the attitude (LOG_BITMASK)')
@@ -44,3 +45,9 @@ def tables(path: str | Path) -> list[NamedColumns]:
     for column, values in sensor:
         attitude[column] = np.interp(attitude['time_us'], at, values, left=np.nan, right=np.nan)
     return [of_arrays(attitude, {'frame': 'frd'}, '')]
+
+
+def _field(message: Any, name: str) -> float:
+    """A field of a message; older logs count the time in ms."""
+    older = name == 'TimeUS' and not hasattr(message, name)
+    return 1e3 * message.TimeMS if older else getattr(message, name)

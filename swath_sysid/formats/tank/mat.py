@@ -13,7 +13,10 @@ import sys
 from pathlib import Path
 
 from scipy.io import loadmat, whosmat
+from scipy.io.matlab import MatlabOpaque
 
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.files import shown
 from swath_sysid.formats.tank.nested import nested_tables
 from swath_sysid.formats.text_tables import NamedColumns, check_size
 
@@ -21,16 +24,34 @@ HEADER = struct.Struct('116s8sH2s')  #: Text, place of the subsystem's data, ver
 COMPRESSED = 15  #: The kind of an element that has a checksum.
 #: Run without the working folder among the places of modules: it may hold anything.
 LOAD = '-P', '-c', 'import sys; from scipy.io import loadmat; loadmat(sys.argv[1], appendmat=False)'
+#: What to type in MATLAB, by the class of the object.
+SAVING = {
+    'timeseries': "as in time_s = {name}.Time; roll_deg = {name}.Data; save('numbers.mat', 'time_s', 'roll_deg')",
+    'table': "as in numbers = table2struct({name}, 'ToScalar', true); save('numbers.mat', 'numbers')",
+    'timetable': "as in writetimetable({name}, 'numbers.csv')",
+    '': 'as vectors with a time, for example time_s and roll_deg',
+}
 CRASHES = {-signal.SIGSEGV, -signal.SIGBUS, -signal.SIGABRT}
 
 
 def tables(path: str | Path) -> list[NamedColumns]:
     """The tables in variables and structs."""
-    check_size(path, sum(math.prod(shape) for _, shape, _ in whosmat(path, appendmat=False)))
+    try:
+        check_size(path, sum(math.prod(shape) for _, shape, _ in whosmat(path, appendmat=False)))
+    except TypeError:  # SciPy's, over objects of MATLAB's classes, whose shape is not stated
+        check_size(path, os.path.getsize(path))
     if not _has_checksums(path):
         _load_elsewhere(path)
     content = loadmat(path, appendmat=False, simplify_cells=True)
-    return nested_tables({key: value for key, value in content.items() if not key.startswith('__')})
+    found = nested_tables({key: value for key, value in content.items() if not key.startswith('__')})
+    objects = [value for value in content.values() if isinstance(value, MatlabOpaque)]
+    if objects and not found:
+        name, _, kind, *_ = (str(part.decode() if isinstance(part, bytes) else part) for part in objects[0].ravel()[0])
+        raise InputError(
+            f'{path} holds objects that only MATLAB can read (such as {shown(name)}, a {shown(kind)}): save their '
+            f'numbers there, {SAVING.get(kind, SAVING[""]).format(name=shown(name))}'
+        )
+    return found
 
 
 def _has_checksums(path: str | Path) -> bool:

@@ -23,7 +23,7 @@ from swath_sysid.formats.cells import numbers_of
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.schema import LONGEST_TEXT
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, Row, kind_of_cell, locate
-from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, check_size
+from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, check_size, no_names
 
 OPERATIONS: dict[type, Callable[..., float]] = {
     ast.Add: operator.add,
@@ -85,8 +85,10 @@ def _table(path: str | Path, title: str) -> NamedColumns | None:
     width = max(map(len, above), default=0)
     above = [(*row, *[None] * (width - len(row))) for row in above]
     found = locate(above)
-    if found is None or not found.names:
+    if found is None:
         return None
+    if not found.names:
+        raise no_names(path, [str(cell) for cell in above[found.first] if cell is not None])
     remarks = {}
     for cells in (
         [cell for cell in above[at] if cell is not None] for at in range(found.first) if at not in found.used
