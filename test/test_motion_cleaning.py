@@ -6,7 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hypothesis_numpy
 
-from swath_sysid.attitude.motion.cleaning import MIN_ROWS, assemble_trial, clean, one_row_per_sample
+from swath_sysid.attitude.motion.attitude import quaternion
+from swath_sysid.attitude.motion.cleaning import (
+    GYRO,
+    MIN_ROWS,
+    QUATERNION,
+    assemble_trial,
+    clean,
+    one_row_per_sample,
+    spikes_in,
+)
 from swath_sysid.attitude.motion.stamps import check_time_base, motion_period
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
@@ -65,6 +74,30 @@ def test_values_with_one_stamp_in_two_rows_are_one_sample_and_empty_rows_none():
     kept, merged, advice = one_row_per_sample(stamps, rows)
     assert np.array_equal(kept, time) and all(np.array_equal(row, channels['roll']) for row in merged.values())
     assert codes(advice) == ['empty-rows', 'repeated-samples']
+
+
+@pytest.mark.parametrize('interval', [0.02, 0.1, 0.4])
+def test_single_wrong_angles_are_left_out_and_no_others(interval):
+    draws, time = np.random.default_rng(5), interval * np.arange(1500)
+    roll = 0.15 * np.sin(2.0 * time) * np.cos(0.13 * time) + 1e-4 * draws.standard_normal(time.size)
+    at = np.array([50, 58, 400, 1000, 1490])
+    spoilt, pitch = roll.copy(), np.round(roll / 1e-3) * 1e-3
+    spoilt[at] = -np.pi, roll[58] - 0.15, np.pi, roll[1000] + 0.12, 2.0
+    kept, cleaned, advice = clean(time, {'roll': spoilt, 'pitch': pitch})
+    assert np.flatnonzero(np.isnan(cleaned['roll'])).tolist() == at.tolist()
+    assert np.array_equal(cleaned['pitch'], pitch) and f'roll: 5 of {time.size})' in advice[0].message
+    parts = dict(zip(QUATERNION, quaternion(spoilt, pitch, 0.3), strict=True))
+    trial = assemble_trial(time, parts | {name: 0.01 * time for name in GYRO})
+    lost = np.isnan(trial.roll)
+    assert np.flatnonzero(lost).tolist() == at.tolist() and np.array_equal(np.isnan(trial.roll_rate), lost)
+    # a released hull, steps, a jerk between even steps of the sensor: all true
+    decay = np.where(time > 10.0, 0.2 * np.exp(-0.1 * (time - 10.0)) * np.cos(2.0 * (time - 10.0)), 0.2)
+    steps = np.repeat(decay[::5], 5) + 0.1 * (time > 30.0)
+    kinks = np.interp(time, time[::7], 0.2 * np.sin(2.0 * time[::7]))
+    toggles = np.round(1e-4 * draws.standard_normal(time.size) / 1e-4) * 1e-4
+    assert not any(
+        spikes_in(time, angle).any() for angle in (decay, steps, kinks, toggles, draws.standard_normal(time.size))
+    )
 
 
 def longest_increasing_length(values):

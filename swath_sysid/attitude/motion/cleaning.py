@@ -20,6 +20,8 @@ MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
 
 WRAP = 0.8  #: Of a turn; angles that count a whole turn jump by more where they pass zero.
+SPIKE = 12.0  #: Of the median distance from what the neighbours say; of Gaussian noise no sample in 10^15 is beyond.
+RESOLVED = 6.0  #: Of the smallest steps: a sensor at rest goes to and fro by its resolution.
 SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
 
 Channels = dict[str, np.ndarray]
@@ -93,7 +95,7 @@ def _repeated_samples(repeats: np.ndarray, channels: Channels) -> np.ndarray:
     return repeats & (is_alike and np.mean(repeats) > SHARED_STAMPS)
 
 
-def _distance(name: str, values: np.ndarray, others: np.ndarray) -> np.ndarray:
+def _distance(name: str, values: np.ndarray, others: np.ndarray | float) -> np.ndarray:
     """Values less others, of angles on the shorter way."""
     apart, turn = values - others, 2.0 * np.pi
     return np.remainder(apart + 0.5 * turn, turn) - 0.5 * turn if name in ('roll', 'pitch', 'yaw', 'heading') else apart
@@ -119,9 +121,10 @@ def clean(
     channels = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
     time, channels, advice = _in_time(time, channels, source)
     channels, turn_advice = _within_half_turns(channels)
+    channels, spike_advice = _without_spikes(time, channels, source)
     channels, value_advice = _plausible_channels(channels, source)
     channels, stuck_advice = _without_stuck(time, channels)
-    advice += [*turn_advice, *value_advice, *stuck_advice]
+    advice += [*turn_advice, *spike_advice, *value_advice, *stuck_advice]
     if time.size < MIN_ROWS:
         raise InputError(
             f'{source} holds {counted(time.size, "row")} with a stamp of its own and at least {MIN_ROWS} are '
@@ -298,6 +301,46 @@ def _within_half_turns(channels: Channels) -> tuple[Channels, list[Advice]]:
     return channels | halves, advice
 
 
+def _without_spikes(time: np.ndarray, channels: Channels, source: str) -> tuple[Channels, list[Advice]]:
+    """Roll and pitch without single wrong samples, and advice."""
+    spikes = {name: spikes_in(time, channels[name]) for name in ('roll', 'pitch') if name in channels}
+    for name, wrong in spikes.items():
+        cause = 'are far from the samples before and after them: look for damaged packets'
+        _refuse_loss(int(wrong.sum()), wrong.size, f'values of {name}', cause, source)
+    counts = {name: int(wrong.sum()) for name, wrong in spikes.items()}
+    advice = [Advice.of('wrong-samples', channels=_listed(counts, time.size))] if any(counts.values()) else []
+    return channels | {name: np.where(spikes[name], np.nan, channels[name]) for name in counts if counts[name]}, advice
+
+
+_windows = np.lib.stride_tricks.sliding_window_view
+
+
+def spikes_in(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Which samples of an angle, rad, both (N,), jump away from both neighbours and back: each is compared with the
+    cubic through the two samples before and the two after it, as far from which no other sample near it is.
+    """
+    wrong, known = np.zeros(time.size, dtype=bool), np.flatnonzero(np.isfinite(time) & np.isfinite(angle))
+    if known.size < 4 * MIN_ROWS:
+        return wrong
+    centre = np.angle(np.mean(np.exp(1j * angle[known])))
+    values, intervals = _distance('roll', angle[known], centre), np.diff(time[known])
+    steps = np.diff(values)
+    moves = np.abs(steps[steps != 0.0])
+    if not moves.size:
+        return wrong
+    off = np.abs(values[2:-2] - (4.0 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6.0)
+    near = np.median(_windows(np.pad(off, MIN_ROWS, 'reflect'), 2 * MIN_ROWS + 1), axis=1)
+    is_most = off == np.max(_windows(np.pad(off, 2), 5), axis=1)
+    is_even = np.all(_windows(intervals, 4) < GAP_INTERVALS * np.median(intervals), axis=1)
+    before, after = steps[1:-2], steps[2:-1]
+    single = (before * after < 0.0) & (np.minimum(np.abs(before), np.abs(after)) > 0.5 * off)
+    # less than at a kink, as of values that a logger interpolates
+    single &= off > np.maximum(np.abs(steps[:-3]), np.abs(steps[3:]))
+    limit = np.maximum(SPIKE * np.maximum(near, np.median(off)), RESOLVED * np.quantile(moves, LOST_SHARE))
+    wrong[known[2:-2]] = single & is_most & is_even & (off > limit)
+    return wrong
+
+
 def _without_stuck(time: np.ndarray, channels: Channels) -> tuple[Channels, list[Advice]]:
     """Angles without those that a sensor repeats after it lost the craft, where no rate can tell: they stand still away
     from their mean to the end of the record, or stop and go on with a jump, as no craft that is held and released does.
@@ -456,6 +499,8 @@ def _craft_channels(
         invalid = int(np.count_nonzero(~attitude.is_orientation(*_parts(readings, QUATERNION))))
         if invalid:
             advice.append(Advice.of('invalid-orientation', invalid=invalid, number=len(time)))
+        angles, spike_advice = _without_spikes(time, angles, name)
+        advice += spike_advice
         if not np.isfinite(angles['roll']).any():
             angles = {}
     rates = {}
