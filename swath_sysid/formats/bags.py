@@ -352,7 +352,7 @@ class _Storage:
 
     def __init__(self, file: Path, kind: str, stack: ExitStack) -> None:
         # the library makes an address of the name of a database
-        self._reader = Reader.STORAGE_PLUGINS[kind](Path(quote(os.fsencode(file))) if kind == '.db3' else file)
+        self._reader: Any = Reader.STORAGE_PLUGINS[kind](Path(quote(os.fsencode(file))) if kind == '.db3' else file)
         if kind == '.mcap':
             self._reader.schemas = _Schemas()
         self._reader.open()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from swath_sysid.attitude.motion.cleaning import MIN_ROWS
 from swath_sysid.common.advice import Advice
 from swath_sysid.formats.cells import known_number, seconds_of_text
 from swath_sysid.formats.clocks import clocks_of
@@ -89,6 +90,7 @@ def _pivoted(path: str | Path, head: TableHead, value: int, field: int, texts: S
     unit = next((place for place in texts if plain_name(head.names[place]) in ('unit', 'units')), None)
     names = [with_unit(cells[field], cells[unit]) if unit is not None else cells[field] for cells in rows]
     tags = [place for place in texts if place not in (field, unit)]
+    tags = [tag for tag in tags if MIN_ROWS * len({cells[tag] for cells in rows}) <= len(rows)]
     # what every name has one of tells no devices apart
     tags = [tag for tag in tags if len({(n, c[tag]) for n, c in zip(names, rows, strict=True)}) > len(set(names))]
     devices: dict[str, list[int]] = {}
@@ -97,13 +99,13 @@ def _pivoted(path: str | Path, head: TableHead, value: int, field: int, texts: S
     shared = [place for place in range(len(head.names)) if place not in (value, *texts)]
     number = cache(_number)
     for device, own in devices.items():
-        fields = list(dict.fromkeys(names[at] for at in own))
+        fields = tuple(dict.fromkeys(names[at] for at in own))
         check_size(path, len(fields) * len(own))
         columns = {head.names[place]: np.array([number(rows[at][place]) for at in own]) for place in shared}
         place_of = {name: place for place, name in enumerate(fields)}
-        cells = np.full((len(fields), len(own)), np.nan)
-        cells[[place_of[names[at]] for at in own], np.arange(len(own))] = [_number(rows[at][value]) for at in own]
-        columns |= dict(zip(fields, cells, strict=True))
+        block = np.full((len(fields), len(own)), np.nan)
+        block[[place_of[names[at]] for at in own], np.arange(len(own))] = [_number(rows[at][value]) for at in own]
+        columns |= dict(zip(fields, block, strict=True))
         table = replace(
             of_arrays(columns, head.remarks, device),
             kinds={at: head.kinds[place] for at, place in enumerate(shared) if place in head.kinds},

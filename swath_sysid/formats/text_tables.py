@@ -3,7 +3,7 @@
 import io
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -45,6 +45,16 @@ def of_arrays(columns: Mapping[str, np.ndarray], remarks: Mapping[str, str], nam
     return NamedColumns(
         tuple(columns), lambda places, _: (np.stack([arrays[k] for k in places]), ()), dict(remarks), name=name
     )
+
+
+def with_advice(table: NamedColumns, advice: tuple[Advice, ...]) -> NamedColumns:
+    """A table whose reading gives further advice."""
+
+    def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, tuple[Advice, ...]]:
+        values, found = table.read(places, progress)
+        return values, (*found, *advice)
+
+    return replace(table, read=read)
 
 
 def check_size(path: str | Path, unpacked: int) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
+from swath_sysid.formats.cells import kind_of_text
+
 
 @dataclass(frozen=True)
 class Column:
@@ -66,9 +68,15 @@ def table_as_csv(table: Table) -> str:
     """Text of a CSV file, its numbers with all their digits."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(c.name for c in table.columns)
-    writer.writerows(table.rows)
+    writer.writerow(map(_as_text, (c.name for c in table.columns)))
+    writer.writerows(map(_as_text, row) for row in table.rows)
     return text.getvalue()
+
+
+def _as_text(cell: Any) -> Any:
+    """A cell that a spreadsheet would take for a formula, marked as text; numbers stay numbers."""
+    is_formula = isinstance(cell, str) and cell.startswith(('=', '+', '-', '@')) and kind_of_text(cell) != 'number'
+    return f"'{cell}" if is_formula else cell
 
 
 def table_in_words(table: Table) -> list[str]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy  # its rooms are loaded when they are used: the buffer subscribes first
 
 from swath_sysid.attitude.hull.decay_model import AmplitudeCurves, DecayModel, amplitude_curves
 from swath_sysid.attitude.hull.identified_model import HullPosterior
@@ -438,8 +439,8 @@ def unexplained_share(found: DecayFit, quantity: str) -> float:
 
 def rate_mismatch(motion: AxisMotion, period: float) -> float:
     """Difference of the rate and the angle's slope over a sixth of a period that is in phase with the motion or a
-    quarter period off, over the rate; zero without both. What is in neither is noise. The contribution of an
-    uncalibrated gyroscope's offset is subtracted.
+    quarter period off, over the rate, in the band of the motion; zero without both. What is in neither is noise. The
+    contribution of an uncalibrated gyroscope's offset is subtracted.
     """
     span = max(1, round(period / 6.0 / motion.sample_interval))
     if motion.angle is None or motion.rate is None or motion.size < 8 * span:
@@ -448,8 +449,9 @@ def rate_mismatch(motion: AxisMotion, period: float) -> float:
     elapsed, integral = motion.time[after] - motion.time[before], running_integral(motion.rate, motion.time)
     slope, rate = ((each[after] - each[before]) / elapsed for each in (motion.angle, integral))
     early = np.pi / period * (motion.angle[after] + motion.angle[before])
-    moved = np.column_stack([each - each.mean() for each in (rate, early)])
     apart, spread = slope - rate, max(float(np.std(rate)), 1e-12)
-    shares = np.linalg.lstsq(moved, apart - apart.mean(), rcond=None)[0]
+    # a heel or a gyroscope's offset that changes slowly accuses no unit
+    *moved, off = (each - scipy.ndimage.uniform_filter1d(each, 6 * span) for each in (rate, early, apart))
+    shares = np.linalg.lstsq(np.column_stack(moved), off, rcond=None)[0]
     offset = max(abs(float(apart.mean())) - MAX_OFFSET, 0.0) / spread
     return float(np.linalg.norm([*shares, offset]))

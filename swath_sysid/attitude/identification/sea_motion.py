@@ -192,6 +192,12 @@ def _reach(
     # a drift of the mean is not a wave: a record shows at least ten of them
     slowest = 10
     at = slowest + int(smooth[slowest:].argmax())
+    # nor is a slow heel, of little variance though its density is the highest
+    by_octave = frequency * smooth
+    most = slowest + int(by_octave[slowest:].argmax())
+    between = int(np.sqrt(at * most))
+    if most > 2 * at and smooth[:between].sum() < smooth[between:].sum():
+        at = between + int(smooth[between:].argmax())
     peak = float(frequency[at])
     known = (smooth > ABOVE_NOISE * noise) & (smooth > DYNAMIC_RANGE * smooth[at])
     lost = np.flatnonzero(~known[at:])

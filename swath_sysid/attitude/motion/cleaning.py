@@ -307,7 +307,7 @@ def _without_spikes(time: np.ndarray, channels: Channels, source: str) -> tuple[
     for name, wrong in spikes.items():
         cause = 'are far from the samples before and after them: look for damaged packets'
         _refuse_loss(int(wrong.sum()), wrong.size, f'values of {name}', cause, source)
-    counts = {name: int(wrong.sum()) for name, wrong in spikes.items()}
+    counts: dict[str, int] = {name: int(wrong.sum()) for name, wrong in spikes.items()}
     advice = [Advice.of('wrong-samples', channels=_listed(counts, time.size))] if any(counts.values()) else []
     return channels | {name: np.where(spikes[name], np.nan, channels[name]) for name in counts if counts[name]}, advice
 

@@ -5,7 +5,6 @@ structs, each of which is read once, and links that lead nowhere are left out.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.tank.nested import nested_tables
-from swath_sysid.formats.text_tables import NamedColumns, check_size
+from swath_sysid.formats.text_tables import NamedColumns, check_size, with_advice
 from swath_sysid.formats.vocabulary import is_unit, listed_names, with_unit
 
 
@@ -40,10 +39,7 @@ def tables(path: str | Path) -> list[NamedColumns]:
     if not lost:
         return found
     advice = (Advice.of('dangling-links', links=listed_names(lost)),)
-    return [
-        replace(table, read=lambda places, progress, read=table.read: (read(places, progress)[0], advice))
-        for table in found
-    ]
+    return [with_advice(table, advice) for table in found]
 
 
 def _tree(group: Any, seen: set[Any], lost: list[str]) -> dict[str, Any]:

@@ -7,7 +7,6 @@ Roll, pitch and heading are those of the sentences ``PASHR``, ``PRDID``, ``PSXN,
 
 import os
 import re
-from dataclasses import replace
 from functools import reduce
 from operator import xor
 from pathlib import Path
@@ -18,7 +17,7 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.cells import seconds_of_text
-from swath_sysid.formats.text_tables import NamedColumns, check_size, of_arrays
+from swath_sysid.formats.text_tables import NamedColumns, check_size, of_arrays, with_advice
 from swath_sysid.formats.vocabulary import plain_name
 
 #: What the fields of a sentence are, by how it begins.
@@ -66,13 +65,12 @@ def tables(path: str | Path) -> list[NamedColumns]:
 def _table(talker: str, rows: list[list[float]], advice: tuple[Advice, ...]) -> NamedColumns:
     time, logged, *angles = np.array(rows).T
     columns = zip(NAMES, (time if np.isfinite(time).any() else logged, *angles), strict=True)
-    table = of_arrays({n: v for n, v in columns if np.isfinite(v).any()}, {'frame': 'frd'}, talker)
-    return replace(table, read=lambda places, progress: (table.read(places, progress)[0], advice))
+    return with_advice(of_arrays({n: v for n, v in columns if np.isfinite(v).any()}, {'frame': 'frd'}, talker), advice)
 
 
 def _attitude(said: str) -> dict[str, str]:
     """What a sentence says of the attitude, by the first letter of the quantity; empty if nothing."""
-    row = {}
+    row: dict[str, str] = {}
     for value, name in XDR.findall(said) if said[2:].startswith('XDR,') else ():
         plain = plain_name(name)
         row |= {key: value for key, words in TRANSDUCERS.items() if any(word in plain for word in words)}

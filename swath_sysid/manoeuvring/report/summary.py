@@ -174,7 +174,9 @@ def _scores_in_words(label: str, scores: Scores) -> list[str]:
         f'{named[name]} {value:.3g} {units.get(name, "m/s")}' for name, value in scores.rmse.items() if value == value
     )
     errors = '; '.join(
-        f'{lead:g} s: {scores.position_error[lead]:.2f} m, {heading:.3f} rad'
+        f'{lead:g} s: '
+        + (f'{apart:.2f} m, ' if (apart := scores.position_error[lead]) == apart else '')
+        + f'{heading:.3f} rad'
         for lead, heading in scores.heading_error.items()
         if heading == heading
     )
