@@ -41,6 +41,13 @@ def test_a_table_shows_what_there_is_and_its_file_every_digit():
     assert table_as_html(Table('none', '', '', table.columns[:2], ((1, None),))) == figures([]) == bullets([]) == ''
 
 
+def test_no_cell_of_a_csv_file_is_a_formula():
+    table = Table(
+        'cells', '', '', columns_of({'=k': str}), (('=1+2',), ('-3.5',), (-4.5,), ('+1e3',), ('@x',), ('-x',))
+    )
+    assert table_as_csv(table).split() == ["'=k", "'=1+2", '-3.5', '-4.5', '+1e3', "'@x", "'-x"]
+
+
 def test_a_page_holds_together_and_shows_only_what_there_is():
     drawn = drawing('decay'), drawing('roll.at 5')
     assert drawn[0].svg == drawing('decay').svg and 'legend' in drawn[0].svg

@@ -352,9 +352,10 @@ class _Storage:
 
     def __init__(self, file: Path, kind: str, stack: ExitStack) -> None:
         # the library makes an address of the name of a database
-        self._reader: Any = Reader.STORAGE_PLUGINS[kind](Path(quote(os.fsencode(file))) if kind == '.db3' else file)
+        reader: Any = Reader.STORAGE_PLUGINS[kind](Path(quote(os.fsencode(file))) if kind == '.db3' else file)
         if kind == '.mcap':
-            self._reader.schemas = _Schemas()
+            reader.schemas = _Schemas()
+        self._reader = reader
         self._reader.open()
         stack.callback(self._reader.close)
         self.connections = [_named_by_encoding(each) for each in self._reader.connections]

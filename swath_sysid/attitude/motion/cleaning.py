@@ -303,7 +303,8 @@ def _within_half_turns(channels: Channels) -> tuple[Channels, list[Advice]]:
 
 def _without_spikes(time: np.ndarray, channels: Channels, source: str) -> tuple[Channels, list[Advice]]:
     """Roll and pitch without single wrong samples, and advice."""
-    spikes = {name: spikes_in(time, channels[name]) for name in ('roll', 'pitch') if name in channels}
+    angles = [name for name in ('roll', 'pitch') if name in channels]
+    spikes: Channels = {name: spikes_in(time, channels[name]) for name in angles}
     for name, wrong in spikes.items():
         cause = 'are far from the samples before and after them: look for damaged packets'
         _refuse_loss(int(wrong.sum()), wrong.size, f'values of {name}', cause, source)
