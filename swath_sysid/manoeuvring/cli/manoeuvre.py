@@ -73,6 +73,8 @@ def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
 
 def _read(path: str | Path, arguments: Namespace):
     if is_bag(existing(path)):
+        if arguments.device is not None:
+            raise InputError(f'{path} is a bag, whose devices are chosen by topic: leave the device out')
         trial = bags.read_manoeuvring_bag(
             path,
             arguments.odometry_topic,
