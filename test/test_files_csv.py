@@ -220,7 +220,7 @@ def test_dates_are_a_time(tmp_path, form, name):
     # one that is damaged costs its row
     path.write_text(path.read_text().replace(rows[250], rows[250].replace('05', 'xx', 1)))
     trial = read_csv(path)
-    assert trial.time.size == 499 and [each.code for each in trial.advice][:2] == ['text-in-numbers', 'empty-rows']
+    assert trial.time.size == 499 and [each.code for each in trial.advice][:2] == ['text-in-numbers', 'missing-stamps']
 
 
 def test_a_slip_in_a_name_a_column_without_a_unit_and_a_time_that_runs_backwards_are_reported(tmp_path):
