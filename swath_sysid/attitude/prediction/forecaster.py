@@ -290,7 +290,8 @@ class Forecaster:
 
     def _without_stuck(self, sample: CraftSample, elapsed: float):
         """The sample without what repeats itself while the craft moves."""
-        measured, used = [], []
+        measured: list[float] = []
+        used: list[float] = []
         for name, axis in self._axes.items():
             angle, rate, *_ = _OF_AXIS[name](sample)
             measured += [angle, rate]
