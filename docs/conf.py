@@ -175,7 +175,7 @@ def warnings_table():
     sentences: dict[str, list[str]] = {}
     for key, sentence in SENTENCES.items():
         sentences.setdefault(key.partition(':')[0], []).append(in_words(sentence))
-    flags = {code: f'`{words}`' for code, words in FLAGS.items()}
+    flags = {code: f'`{words.format("ROLL,PITCH,YAW")}`' for code, words in FLAGS.items()}
     rows = [f'| `{code}` | {"<br>".join(texts)} | {flags.get(code, "")} |' for code, texts in sentences.items()]
     return '\n'.join(['| code | what it says | on the command line |', '|---|---|---|', *rows]) + '\n'
 

@@ -54,7 +54,7 @@ def test_sentences_are_filled_and_not_too_long():
 
 
 def test_every_condition_that_is_noticed_is_a_row_and_every_row_is_noticed(nodes):
-    noticed = {each for axis in AXES for each in (f'outlier-{axis}', f'gate-restarted-{axis}')}
+    noticed = {each for axis in AXES for each in (f'outlier-{axis}', f'stuck-{axis}', f'gate-restarted-{axis}')}
     noticed |= {
         value for name, value in (vars(stamps) | vars(intake)).items() if name.isupper() and isinstance(value, str)
     }

@@ -1,6 +1,7 @@
 """Where a table begins in rows of cells, and what its columns are called, whatever stands above."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, time, timedelta
@@ -104,12 +105,13 @@ def _names(lines: dict[int, Row]) -> tuple[tuple[str, ...], tuple[int, ...]]:
 
 def _qualified(names: list[str], above: Sequence[list[str]]) -> list[str]:
     """Names that recur, such as the X, Y, Z of several bodies, with what the rows above call each of them."""
-    again = [place for place, name in enumerate(names) if name and names.count(name) > 1]
+    times = Counter(names)
+    again = [place for place, name in enumerate(names) if name and times[name] > 1]
     parts = [[names[place]] for place in again]
     for row in above if again else ():
         if len(row) >= len(names) and all(row[place] for place in again):
             prefixes = [row[place] for place in again]
-        elif {names.count(names[place]) for place in again} == {len(row) - 1}:
+        elif {times[names[place]] for place in again} == {len(row) - 1}:
             # a key, and then a name for each body
             prefixes = [row[1 + names[:place].count(names[place])] for place in again]
         else:

@@ -37,7 +37,9 @@ class Predictor(Node):
     def __init__(self) -> None:
         super().__init__('predictor')
         logger = self.get_logger()
-        self._log_error, self._log_warning = EachOnce(logger.error), EachOnce(logger.warning)
+        # rclpy allows a line of code one severity
+        self._log_error = EachOnce(lambda sentence: logger.error(sentence))
+        self._log_warning = EachOnce(lambda sentence: logger.warning(sentence))
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
         in_step, depth = self.parameters['in_step'], self.parameters['queue_depth']
         self.upstream = Upstream(self, self.parameters['upstream'], depth)

@@ -345,6 +345,10 @@ def _tilt(angles: np.ndarray, force: np.ndarray, installation: Installation) -> 
     settled = angles[len(angles) // TILT_PARTS :, :2]
     tilt = np.nanmedian(settled, axis=0) if has_attitude else attitude.tilt_angles(*np.mean(known[1:], axis=0))
     roll, pitch = map(float, tilt)
+    # a motion of that size hides it
+    swing = float(np.nanmax(np.nanstd(settled, axis=0))) if has_attitude else 0.0
+    if np.cos(roll) * np.cos(pitch) >= min(LEVEL, np.cos(swing)):
+        return []
     mounting = sensor_mount.mounting_after((roll, pitch, 0.0), installation, digits=1)
     return _found('sensor-tilted', roll=np.degrees(roll), pitch=np.degrees(pitch), mounting=mounting)
 
