@@ -169,8 +169,10 @@ def read_long_head(path: str | Path) -> TableHead | None:
     for at, line in enumerate(lines[:-1]):
         for mark in (';', '\t', '|', ','):
             names = tuple(_split(line, mark))
+            if len(names) < 3 or sum(plain_name(name) in VALUE_NAMES for name in names) != 1:
+                continue
             rows = [cells for each in lines[at + 1 :] if len(cells := _split(each, mark)) == len(names)]
-            if len(names) < 3 or sum(plain_name(name) in VALUE_NAMES for name in names) != 1 or len(rows) < 2:
+            if len(rows) < 2:
                 continue
             kinds = _with_clocks(names, [cells for cells in rows if tuple(cells) != names])[1]
             marks = (False, '') if mark == ',' else _marks_in(lines[at + 1 :], mark)

@@ -97,8 +97,11 @@ def _repeated_samples(repeats: np.ndarray, channels: Channels) -> np.ndarray:
 
 def _distance(name: str, values: np.ndarray, others: np.ndarray | float) -> np.ndarray:
     """Values less others, of angles on the shorter way."""
-    apart, turn = values - others, 2.0 * np.pi
-    return np.remainder(apart + 0.5 * turn, turn) - 0.5 * turn if name in ('roll', 'pitch', 'yaw', 'heading') else apart
+    # what is infinite is left out later
+    with np.errstate(invalid='ignore'):
+        apart, turn = values - others, 2.0 * np.pi
+        around = np.remainder(apart + 0.5 * turn, turn) - 0.5 * turn
+    return around if name in ('roll', 'pitch', 'yaw', 'heading') else apart
 
 
 def _means(name: str, values: np.ndarray, sample: np.ndarray) -> np.ndarray:
