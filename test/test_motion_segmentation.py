@@ -459,7 +459,7 @@ def test_what_the_user_calls_a_decay_is_no_waves_and_slow_noise_breaks_none():
 def test_a_boat_that_tacks_is_not_released_and_unlike_releases_are_not_fitted_together():
     motion = held_then_released(2, 0.03)
     (decay,) = find_decays(motion)
-    for turned, biased, number in ((80.0, 0.0, 0), (-80.0, 0.3, 0), (0.0, 0.5, 1), (4.0, -0.5, 1)):
+    for turned, biased, number in ((80.0, 0.0, 0), (-80.0, 0.3, 0), (0.0, 0.5, 1), (4.0, -0.5, 1), (0.0, 10.0, 1)):
         heading = 0.5 * turned * np.tanh((motion.time - decay.start) / PERIOD) + biased * motion.time
         with_heading = replace(motion, heading=np.column_stack([motion.time, np.radians(heading)]))
         assert len(find_decays(with_heading)) == number, (turned, biased)

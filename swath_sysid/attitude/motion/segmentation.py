@@ -48,7 +48,7 @@ PUSH_MEMORY_HALF_CYCLES = 2  #: Left out after a push, while the double amplitud
 #: With this many half-cycles the tail below this part of the first is left out, as it is as much the basin's motion.
 PLENTY_OF_HALF_CYCLES, PLENTIFUL_TAIL = 20, 0.125
 
-TURN = float(np.radians(30.0))  #: Change of heading of a craft that is under way; a gyro's bias makes a tenth of it.
+TURN = float(np.radians(30.0))  #: Change of heading of a craft that is under way.
 
 BREAKING_PERIODS = 4.0  #: What breaks a decay grows and decays within this time.
 FINISHED = 0.1  #: Part of its first amplitude at which a decay that is watched counts as over.
@@ -112,8 +112,10 @@ def _turns(motion: AxisMotion, decay: DecayCandidate) -> bool:
     """Whether the craft takes another heading within two periods in a decay."""
     if motion.heading is None:
         return False
+    # a gyroscope's bias is that of the whole record
+    drift = np.median(np.diff(motion.heading[:, 1]) / np.diff(motion.heading[:, 0])) if len(motion.heading) > 1 else 0.0
     time = np.arange(decay.release - decay.period, decay.end + decay.period, 0.25 * decay.period)
-    heading = np.interp(time, *motion.heading.T)
+    heading = np.interp(time, motion.heading[:, 0], motion.heading[:, 1]) - drift * time
     return bool(np.abs(heading[8:] - heading[:-8]).max(initial=0.0) > TURN)
 
 
