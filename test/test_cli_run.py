@@ -298,9 +298,10 @@ def test_figures_are_drawn_whatever_backend_the_environment_names(tmp_path):
 def test_a_matplotlibrc_that_is_no_text_is_reported_in_a_sentence(tmp_path):
     (tmp_path / 'matplotlibrc').write_bytes(b'font.family: Caf\xe9\n')
     record = share_folder() / 'records' / 'kvlcc2_roll_decay.csv'
-    command = [sys.executable, '-m', 'swath_sysid.start', 'inspect', record, '--plot', 'decay.png']
-    done = subprocess.run(command, env=environment(), cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 2 and 'is not UTF-8' in done.stderr and 'Traceback' not in done.stderr
+    for verb, *flags in (['inspect', '--plot', 'decay.png'], ['identify', '--plot', 'fit.png']):
+        command = [sys.executable, '-m', 'swath_sysid.start', verb, record, *flags]
+        done = subprocess.run(command, env=environment(), cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 2 and 'is not UTF-8' in done.stderr and 'Traceback' not in done.stderr, done.stderr
 
 
 @pytest.mark.long

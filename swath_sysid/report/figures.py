@@ -2,6 +2,7 @@
 
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,11 +26,8 @@ LINE_STYLES = ('-', '--', ':', '-.')
 FORMATS = ('png', 'svg', 'pdf')
 
 
-@cache
-def use_plain_style() -> None:
-    """Draw in the default style of matplotlib, whatever a matplotlibrc says, and texts as they are: two dollar signs in
-    the name of a file are no mathematics.
-    """
+def loaded_matplotlib() -> ModuleType:
+    """The library, which reads a matplotlibrc when it is loaded."""
     try:
         import matplotlib
     except UnicodeDecodeError as error:
@@ -37,6 +35,15 @@ def use_plain_style() -> None:
             'a matplotlibrc, in this folder or of this user, is not UTF-8, and matplotlib cannot be loaded: save it as '
             'UTF-8, or move it away'
         ) from error
+    return matplotlib
+
+
+@cache
+def use_plain_style() -> None:
+    """Draw in the default style of matplotlib, whatever a matplotlibrc says, and texts as they are: two dollar signs in
+    the name of a file are no mathematics.
+    """
+    matplotlib = loaded_matplotlib()
     matplotlib.rcdefaults()
     matplotlib.rcParams['text.parse_math'] = False
 

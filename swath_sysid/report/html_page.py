@@ -10,12 +10,8 @@ from functools import cached_property
 from importlib import resources
 from typing import Any
 
-import matplotlib
-from matplotlib import rcsetup
-from matplotlib.figure import Figure
-
 from swath_sysid.formats.files import as_utf_8
-from swath_sysid.report.figures import MEASURED, SERIES, make_printable, use_plain_style
+from swath_sysid.report.figures import MEASURED, SERIES, Figure, loaded_matplotlib, make_printable, use_plain_style
 from swath_sysid.report.tables import Table
 
 LONG_WORDS = 28  #: Characters from which a cell is broken into lines.
@@ -29,7 +25,6 @@ FIGURE_STYLE: Any = {
     'axes.titlesize': 'medium',
     'legend.fontsize': 9.0,
     'svg.fonttype': 'none',
-    'axes.prop_cycle': rcsetup.cycler(color=SERIES),
 }
 
 
@@ -51,7 +46,7 @@ class Drawing:
         """The same text every time."""
         text = io.StringIO()
         make_printable(self.figure)
-        with matplotlib.rc_context({'svg.fonttype': 'none', 'svg.hashsalt': self.name}):
+        with loaded_matplotlib().rc_context({'svg.fonttype': 'none', 'svg.hashsalt': self.name}):
             # the ticks follow the size of the panel, and the layout follows the ticks
             self.figure.draw_without_rendering()
             self.figure.savefig(text, format='svg', metadata={'Date': None, 'Creator': None})
@@ -61,7 +56,8 @@ class Drawing:
 def page_style() -> AbstractContextManager:
     """The style in which the figures of a page are drawn."""
     use_plain_style()
-    return matplotlib.rc_context(FIGURE_STYLE)
+    matplotlib = loaded_matplotlib()
+    return matplotlib.rc_context({**FIGURE_STYLE, 'axes.prop_cycle': matplotlib.cycler(color=SERIES)})
 
 
 def page(title: str, sections: Iterable[tuple[str, str, Sequence[str]]], unfolded: int | None = None) -> str:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import scipy
 
@@ -350,7 +349,7 @@ def _how_made(outcome: CampaignOutcome):
     search = outcome.manifest.search
     lines = [
         f'swath_sysid {__version__}, numpy {np.__version__}, scipy {scipy.__version__}, matplotlib '
-        f'{matplotlib.__version__}.',
+        f'{plots.loaded_matplotlib().__version__}.',
         f'Search {search.algorithm}, seed {search.seed}; objectives {", ".join(outcome.manifest.objectives)}.',
         'The hashes of the trials are in the table of trials; the complete numbers are in the folder tables, the '
         'figures in figures, '
