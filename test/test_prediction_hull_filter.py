@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
 from scipy.stats import multivariate_normal, norm
 
@@ -133,7 +133,7 @@ def test_an_uncertain_rate_is_damped_by_the_mean_of_the_damping(hull, rate):
     """Of every row of the table, and of a published hull; dry friction is left as it is."""
     step, spread = 1e-3, 0.3
     w, density = np.linspace(-3.0, 3.0, 60001), norm(rate, spread).pdf
-    mean = float(np.trapezoid(density(w) * hull.acceleration(0.0, w), w))
+    mean = float(trapezoid(density(w) * hull.acceleration(0.0, w), w))
     state = np.array([0.0, rate, 0.0, *hull.ratios])
     _, new_rate, slopes = hull_step(state, 0.0, spread**2, step, (hull.equation.active, hull.friction_rate))
     assert (new_rate - rate) / step == pytest.approx(mean, rel=0.03)
