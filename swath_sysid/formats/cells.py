@@ -118,7 +118,7 @@ def numbers_of(values: Any) -> np.ndarray:
         return array.astype(float)
     cells = [cell.translate(OTHER_MARKS) if isinstance(cell, str) else cell for cell in array.tolist()]
     marks = marks_of([cell for cell in cells if isinstance(cell, str) and kind_of_text(cell.strip()) == 'number'])
-    return np.array([_number_of(cell, *marks) for cell in cells], dtype=float)
+    return np.array([number_of(cell, *marks) for cell in cells], dtype=float)
 
 
 def marks_of(cells: Sequence[str]) -> tuple[bool, str]:
@@ -145,7 +145,8 @@ def _since_1970(moment: datetime) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def _number_of(cell: Any, decimal_comma: bool, thousands: str) -> float:
+def number_of(cell: Any, decimal_comma: bool = False, thousands: str = '') -> float:
+    """A number, or a date or a clock time as s, as it is written or stored; NaN where it is none."""
     try:
         if isinstance(cell, datetime):
             return _since_1970(cell)

@@ -12,7 +12,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.cleaning import MIN_ROWS
 from swath_sysid.common.advice import Advice
-from swath_sysid.formats.cells import known_number, seconds_of_text
+from swath_sysid.formats.cells import number_of
 from swath_sysid.formats.clocks import clocks_of
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, kind_of_cell
 from swath_sysid.formats.text_tables import NamedColumns, TableHead, check_size, of_arrays, read_long_head, rows_of
@@ -64,7 +64,7 @@ def long_form(path: str | Path) -> list[NamedColumns]:
     if head is None:
         return []
     plain = [plain_name(name) for name in head.names]
-    sample = list(islice(_rows(path, head), ROWS_OF_SAMPLE))
+    sample = list(islice((cells for cells in rows_of(path, head) if _is_whole(cells, head)), ROWS_OF_SAMPLE))
     texts = [place for place in range(len(plain)) if any(kind_of_cell(cells[place]) == 'text' for cells in sample)]
     fields = [place for place in texts if any(is_motion(cells[place]) for cells in sample)]
     fields += [plain.index(name) for name in FIELD_NAMES if name in plain and plain.index(name) in texts]
@@ -75,15 +75,15 @@ def long_form(path: str | Path) -> list[NamedColumns]:
     return list(_pivoted(path, head, value, fields[0], texts))
 
 
-def _rows(path: str | Path, head: TableHead) -> Iterator[list[str]]:
-    """The rows that are whole and repeat no header."""
-    return (cells for cells in rows_of(path, head) if len(cells) == len(head.names) and tuple(cells) != head.names)
+def _is_whole(cells: Sequence[str], head: TableHead) -> bool:
+    """Whether a row is of the width of the header, which it does not repeat."""
+    return len(cells) == len(head.names) and tuple(cells) != head.names
 
 
 def _pivoted(path: str | Path, head: TableHead, value: int, field: int, texts: Sequence[int]) -> Iterator[NamedColumns]:
-    rows = list(_rows(path, head))
-    widths = np.array([len(cells) for cells in rows_of(path, head)])
-    short = np.flatnonzero(widths != len(head.names))
+    every = list(rows_of(path, head))
+    rows = [cells for cells in every if _is_whole(cells, head)]
+    short = np.flatnonzero([len(cells) != len(head.names) for cells in every])
     advice = tuple(
         Advice.of('rows-of-other-width', number=short.size, line=head.first_line + at) for at in short[:1].tolist()
     )
@@ -97,14 +97,14 @@ def _pivoted(path: str | Path, head: TableHead, value: int, field: int, texts: S
     for at, cells in enumerate(rows):
         devices.setdefault('/'.join(cells[tag] for tag in tags), []).append(at)
     shared = [place for place in range(len(head.names)) if place not in (value, *texts)]
-    number = cache(_number)
+    number = cache(number_of)
     for device, own in devices.items():
         fields = tuple(dict.fromkeys(names[at] for at in own))
         check_size(path, len(fields) * len(own))
         columns = {head.names[place]: np.array([number(rows[at][place]) for at in own]) for place in shared}
         place_of = {name: place for place, name in enumerate(fields)}
         block = np.full((len(fields), len(own)), np.nan)
-        block[[place_of[names[at]] for at in own], np.arange(len(own))] = [_number(rows[at][value]) for at in own]
+        block[[place_of[names[at]] for at in own], np.arange(len(own))] = [number_of(rows[at][value]) for at in own]
         columns |= dict(zip(fields, block, strict=True))
         table = replace(
             of_arrays(columns, head.remarks, device),
@@ -121,12 +121,3 @@ def _in_time(table: NamedColumns, columns: dict[str, np.ndarray], advice: tuple[
     arrays = np.stack(list(columns.values()))
     arrays = arrays[:, np.lexsort(keys)] if keys else arrays
     return replace(table, read=lambda places, _: (arrays[list(places)], advice))
-
-
-def _number(cell: str) -> float:
-    for read in (known_number, seconds_of_text):
-        try:
-            return read(cell)
-        except ValueError:
-            continue
-    return np.nan

@@ -18,6 +18,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.devices import by_device, long_form
 from swath_sysid.formats.files import LONGEST_SHOWN, shown
 from swath_sysid.formats.registry import FOREIGN, TANK, TANK_ENDINGS, TankFormat
+from swath_sysid.formats.table_heads import Row
 from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, read_columns, read_head
 
 #: A sentence, with the time at which a logger received it.
@@ -58,6 +59,15 @@ def tables_in(path: str | Path) -> list[NamedColumns]:
         raise InputError(f'{path} is {kind.what} without columns of numbers: save a vector or column for each signal')
     tables = [replace(table, read=partial(_read, path, kind, table.read)) for table in tables]
     return [each for table in tables for each in by_device(table)]
+
+
+def first_rows(path: str | Path) -> list[Row]:
+    """The first rows of the sheets of a spreadsheet, those above its tables among them; none of other files."""
+    kind = kind_of(path)
+    if kind is None or kind.module != 'xlsx':
+        return []
+    with _guarded(path, kind):
+        return import_module('swath_sysid.formats.tank.xlsx').first_rows(path)
 
 
 def _is_matlab_4(header: Struct, start: bytes) -> bool:

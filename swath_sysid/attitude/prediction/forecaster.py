@@ -227,7 +227,6 @@ class Forecaster:
         else:
             self._break_off()
             self._first = sample
-        sample = self._without_stuck(sample, self._sampled.elapsed)
         sample, refused = self._follow_axes(sample, self._sampled, linked)
         reasons = ((STEPPED,) if is_step else ()) + refused
         # the heading is not forecast: the last one measured is held
@@ -288,24 +287,8 @@ class Forecaster:
         if self._calm is not None:
             self._calm.quiescence.clear()
 
-    def _without_stuck(self, sample: CraftSample, elapsed: float):
-        """The sample without what repeats itself while the craft moves."""
-        measured: list[float] = []
-        used: list[float] = []
-        for name, axis in self._axes.items():
-            angle, rate, *_ = _OF_AXIS[name](sample)
-            measured += [angle, rate]
-            used += axis.without_stuck(angle, rate, elapsed)
-        roll, roll_rate, pitch, pitch_rate = used
-        # a copy costs more than a look
-        return (
-            sample
-            if used == measured
-            else sample._replace(roll=roll, roll_rate=roll_rate, pitch=pitch, pitch_rate=pitch_rate)
-        )
-
     def _follow_axes(self, sample: CraftSample, sampled: Sampled, linked: bool):
-        """The sample as it is used from now on, what was rejected as not measured, and the reasons."""
+        """The sample as it is used from now on, what is stuck or rejected as not measured, and the reasons."""
         elapsed, even = sampled.elapsed, sampled.intervals == 1
         reasons: tuple[str, ...] = ()
         if any(axis.unmeasured.is_unknown for axis in self._axes.values()):
@@ -315,17 +298,20 @@ class Forecaster:
                 axis.unmeasured.know_level(*level)
         for name, axis in self._axes.items():
             angle, rate, *reported = _OF_AXIS[name](sample)
+            used = axis.without_stuck(angle, rate, elapsed)
             if axis.is_stuck:
                 reasons += (f'stuck-{name}',)
-            rejected, restarted = axis.follow(angle, rate, reported, elapsed, linked, even)
+            rejected, restarted = axis.follow(*used, reported, elapsed, linked, even)
             if rejected:
                 reasons += (f'outlier-{name}',)
-                sample = _without_axis(sample, name)
-                continue
-            if axis.reach is not None:
-                axis.reach.add(sample.stamp, angle)
+                used = math.nan, math.nan
+            elif axis.reach is not None:
+                axis.reach.add(sample.stamp, used[0])
             if restarted:
                 reasons += (f'gate-restarted-{name}',)
+            # a copy costs more than a look
+            if used != (angle, rate):
+                sample = _with_motion(sample, name, *used)
         return sample, reasons
 
     # -- rows
@@ -583,11 +569,11 @@ class Forecaster:
         return replace(state, valid_leads=self._valid_leads.newest or {})
 
 
-def _without_axis(sample: CraftSample, axis: str) -> CraftSample:
-    """The sample with angle and rate of an axis not measured."""
+def _with_motion(sample: CraftSample, axis: str, angle: float, rate: float) -> CraftSample:
+    """The sample with other angle and rate of an axis."""
     if axis == AXES[0]:
-        return sample._replace(roll=math.nan, roll_rate=math.nan)
-    return sample._replace(pitch=math.nan, pitch_rate=math.nan)
+        return sample._replace(roll=angle, roll_rate=rate)
+    return sample._replace(pitch=angle, pitch_rate=rate)
 
 
 def _places_of(wanted: np.ndarray, leads: np.ndarray):

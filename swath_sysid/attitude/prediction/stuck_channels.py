@@ -28,9 +28,13 @@ class _Repeats:
         self.value, self.seconds, self.is_stuck = value, 0.0, False
         return True
 
-    def hides(self, departure: float, variance: float, resolved: float) -> bool:
-        """Whether what it has not told is no chance of a variance, and more than it resolves."""
-        return departure * departure > resolved * resolved + THREE_STD * THREE_STD * variance
+    def judge(self, departure: float, variance: float, resolved: float, until_new: bool) -> None:
+        """Take it for stuck, until a new value or as long, where what it hides is no chance and more than it resolves.
+
+        ``variance`` is that of the departure by chance.
+        """
+        hides = departure * departure > resolved * resolved + THREE_STD * THREE_STD * variance
+        self.is_stuck = hides or (until_new and self.is_stuck)
 
 
 class StuckChannels:
@@ -71,13 +75,13 @@ class StuckChannels:
                 self._untold = 0.0
                 seconds = self._angle.seconds
                 doubt = 2.0 * of_angle + seconds * (bias[1] * seconds + of_rate * elapsed)
-                self._angle.is_stuck |= self._angle.hides(self._turned, doubt, self._angle.step)
+                self._angle.judge(self._turned, doubt, self._angle.step, until_new=True)
         if has_new_rate:
             self._angle_then = angle
         elif has_new_angle:
             seconds = self._rate.seconds
             departure = angle - self._angle_then - rate * seconds
             doubt = 2.0 * of_angle + (bias[1] + of_rate) * seconds * seconds
-            # not for ever: a single wrong angle departs from any rate
-            self._rate.is_stuck = self._rate.hides(departure, doubt, self._rate.step * seconds)
+            # a single wrong angle departs from any rate
+            self._rate.judge(departure, doubt, self._rate.step * seconds, until_new=False)
         return math.nan if self._angle.is_stuck else angle, math.nan if self._rate.is_stuck else rate

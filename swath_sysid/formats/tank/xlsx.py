@@ -48,25 +48,30 @@ def tables(path: str | Path) -> list[NamedColumns]:
     """The sheets that hold numbers under names."""
     with zipfile.ZipFile(path) as archive:
         check_size(path, sum(member.file_size for member in archive.infolist()))
-    found = [_table(path, title) for title in _titles(path)]
+    book = _transitional(path)
+    found = [_table(path, book, title) for title in _titles(book)]
     return [table for table in found if table is not None]
 
 
 def first_rows(path: str | Path) -> list[Row]:
     """The first rows of all sheets."""
-    return [row for title in _titles(path) for row in islice(_rows(path, title, (True,)), ROWS_OF_SAMPLE)]
+    book = _transitional(path)
+    return [row for title in _titles(book) for row in islice(_rows(book, title, (True,)), ROWS_OF_SAMPLE)]
 
 
-def _titles(path: str | Path) -> list[str]:
+Book = str | Path | io.BytesIO  #: As openpyxl opens it, more than once at a time.
+
+
+def _titles(book: Book) -> list[str]:
     from openpyxl import load_workbook
 
-    book = load_workbook(_transitional(path), read_only=True)
-    titles = [sheet.title for sheet in book.worksheets]
-    book.close()
+    opened = load_workbook(book, read_only=True)
+    titles = [sheet.title for sheet in opened.worksheets]
+    opened.close()
     return titles
 
 
-def _transitional(path: str | Path) -> str | Path | io.BytesIO:
+def _transitional(path: str | Path) -> Book:
     """The file, or, if it is in strict Open XML, a copy with the names of the form that openpyxl reads."""
     with zipfile.ZipFile(path) as archive:
         if not re.search(STRICT, archive.read('xl/workbook.xml')):
@@ -78,10 +83,10 @@ def _transitional(path: str | Path) -> str | Path | io.BytesIO:
     return copy
 
 
-def _table(path: str | Path, title: str) -> NamedColumns | None:
-    written = islice(_rows(path, title, (False,)), ROWS_OF_SAMPLE)
+def _table(path: str | Path, book: Book, title: str) -> NamedColumns | None:
+    written = islice(_rows(book, title, (False,)), ROWS_OF_SAMPLE)
     books = (True, False) if any(map(_is_formula, chain.from_iterable(written))) else (True,)
-    above = list(islice(_rows(path, title, books), ROWS_OF_SAMPLE))
+    above = list(islice(_rows(book, title, books), ROWS_OF_SAMPLE))
     width = max(map(len, above), default=0)
     above = [(*row, *[None] * (width - len(row))) for row in above]
     found = locate(above)
@@ -98,14 +103,14 @@ def _table(path: str | Path, title: str) -> NamedColumns | None:
     kinds = {place: kind_of_cell(cell) for place, cell in enumerate(above[found.first])}
     kinds = {place: kind for place, kind in kinds.items() if kind in ('date', 'day', 'clock')}
     place = f'names in row {found.used[0] + 1}' if found.used[0] else ''
-    return NamedColumns(found.names, _reader(path, title, found, books), remarks, kinds, title, place)
+    return NamedColumns(found.names, _reader(path, book, title, found, books), remarks, kinds, title, place)
 
 
-def _rows(path: str | Path, title: str, books: Sequence[bool]) -> Iterator[Row]:
+def _rows(source: Book, title: str, books: Sequence[bool]) -> Iterator[Row]:
     """The rows of a sheet: the values that are stored, what was written, or both in one."""
     from openpyxl import load_workbook
 
-    opened = [load_workbook(_transitional(path), read_only=True, data_only=stored) for stored in books]
+    opened = [load_workbook(source, read_only=True, data_only=stored) for stored in books]
     try:
         for book in opened:
             # many exporters write a wrong dimension, by which rows and columns would be cut
@@ -152,10 +157,10 @@ def _value(node: ast.AST, row: Row) -> float:
     raise ValueError
 
 
-def _reader(path: str | Path, title: str, found: Located, books: Sequence[bool]) -> Read:
+def _reader(path: str | Path, book: Book, title: str, found: Located, books: Sequence[bool]) -> Read:
     def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, tuple[()]]:
         rows = []
-        for row in islice(_rows(path, title, books), found.first, None):
+        for row in islice(_rows(book, title, books), found.first, None):
             if any(cell is not None for cell in row):
                 rows.append([row[place] if place < len(row) else None for place in places])
             if progress is not None:

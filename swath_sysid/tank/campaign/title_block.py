@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+from swath_sysid.common.errors import InputError
+from swath_sysid.formats.table_files import first_rows
 from swath_sysid.tank.campaign.manifest import NUMBER
 from swath_sysid.tank.campaign.names import LENGTHS, SPEEDS
 
@@ -46,11 +48,9 @@ def text_above(path: Path) -> str:
     with open(path, 'rb') as file:
         raw = file.read(LINES_ABOVE)
     if raw.startswith(b'PK') and path.suffix.lower() == '.xlsx':
-        from swath_sysid.formats.tank.xlsx import first_rows
-
         try:
             rows = first_rows(path)
-        except Exception:  # noqa: BLE001 - reading the trial tells what is wrong with the file
-            return ''
+        except InputError:
+            return ''  # which reading the trial tells
         return '\n'.join(';'.join('' if cell is None else str(cell) for cell in row) for row in rows)
     return raw.decode('utf-8' if b'\xc2' in raw or b'\xc3' in raw else 'latin-1', errors='ignore')
