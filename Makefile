@@ -19,6 +19,8 @@ ifneq ($(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
 unexport LD_LIBRARY_PATH
 endif
 unexport AMENT_PREFIX_PATH PYTHONPATH PYTHONHOME RMW_IMPLEMENTATION VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
+# Nothing is compiled at installation: where bytecode is not kept, each of the many processes compiles all it imports.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-long test-release lint kernels bench clean
 
