@@ -2,6 +2,7 @@
 
 import functools
 import json
+import math
 import os
 import subprocess
 import sys
@@ -55,11 +56,21 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
 
 @pytest.mark.long
 def test_filterpy_is_loaded_by_what_forecasts_and_by_nothing_else():
-    """With scipy.stats, which it imports, it takes 30 MB in every process."""
     for module in ('attitude.prediction.sea_fit', 'attitude.identification.refit'):
         assert 'filterpy' not in loaded_by(f'swath_sysid.{module} as work; work.warm_up()')
     assert 'filterpy' not in loaded_by('swath_sysid.cli.page, swath_sysid.page.live_view')
-    assert 'filterpy' in loaded_by('swath_sysid.pipeline.forecast_pipeline as work; work.warm_up()')
+    loaded = loaded_by('swath_sysid.pipeline.forecast_pipeline as work; work.warm_up()')
+    assert 'filterpy' in loaded and 'scipy.stats' not in loaded
+
+
+def test_filterpy_has_its_statistics_when_it_asks_for_them():
+    code = 'from swath_sysid.common.filterpy_filter import ExtendedKalmanFilter as EKF; import numpy as np, sys; '
+    code += 'f = EKF(1, 1); f.R *= 3; f.update(np.full((1, 1), 0.5), lambda x: np.ones((1, 1)), lambda x: x); '
+    code += 'print("scipy.stats" in sys.modules, f.log_likelihood); from filterpy.stats import gaussian'
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    early, found = done.stdout.split()
+    # of a normal distribution of variance 1 + 3
+    assert early == 'False' and float(found) == pytest.approx(-0.5 * (0.5**2 / 4.0 + math.log(8.0 * math.pi)))
 
 
 @pytest.mark.parametrize('module', ['attitude.prediction.sea_fit', 'attitude.identification.refit'])

@@ -255,12 +255,12 @@ class WorkerProcess:
         self._is_resting = True
 
     def end(self) -> None:
-        """End the process, which has `CANCEL_PATIENCE` to do so itself."""
+        """End the process, which has `CANCEL_PATIENCE` to do so itself, unless it has not begun anything."""
         if self._is_resting:
             return
         self._connection.close()
         try:
-            self._process.wait(CANCEL_PATIENCE)
+            self._process.wait(CANCEL_PATIENCE if self._ready else 0.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

@@ -8,7 +8,6 @@ import math
 from typing import Any
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
 
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.simulation import (
@@ -35,6 +34,7 @@ from swath_sysid.attitude.prediction.hull_state import (
     TRIM,
 )
 from swath_sysid.common.accelerator import accelerated
+from swath_sysid.common.filterpy_filter import ExtendedKalmanFilter
 
 #: Of a sensor; beside the largest variance, S with less is singular to rounding.
 LEAST_NOISE_VARIANCE = LARGEST_RATE_VARIANCE * float(np.finfo(float).resolution)

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
 from scipy.special import chdtri
 
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.filterpy_filter import ExtendedKalmanFilter
 from swath_sysid.manoeuvring.hull import measurement
 from swath_sysid.manoeuvring.hull.identified_model import ForecastNoise, IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.hull.model import DIFFERENCE
