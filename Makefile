@@ -22,13 +22,16 @@ unexport AMENT_PREFIX_PATH PYTHONPATH PYTHONHOME RMW_IMPLEMENTATION VIRTUAL_ENV 
 # Nothing is compiled at installation: where bytecode is not kept, each of the many processes compiles all it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-long test-release lint kernels bench clean
+.PHONY: demo test quick-tests test-long test-release lint kernels bench clean
 
 demo: $(READY)
 	$(BIN)/swath-sysid demo --output out/
 
+# mypy takes one core for half a minute: beside the kernels, and where these are there, beside the first tests
 test: $(TESTS_READY)
-	@$(MAKE) --no-print-directory --jobs 2 lint kernels
+	@$(MAKE) --no-print-directory --jobs 2 lint quick-tests
+
+quick-tests: kernels
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m 'not long and not release'
 
 # the longest files first: begun last, they would be waited for
@@ -45,7 +48,7 @@ lint: $(TESTS_READY)
 	$(BIN)/ruff check
 	$(BIN)/mypy
 
-# Once, beside mypy: otherwise each of the processes that test would compile them for itself.
+# Once: otherwise each of the processes that test would compile them for itself.
 kernels: $(READY)
 	@$(BIN)/swath-sysid compile --quiet
 
