@@ -103,6 +103,7 @@ def test_a_window_that_slid_on_gives_the_least_squares_of_its_own_rows():
     assert found == pytest.approx(now @ right, abs=1e-6)
 
 
+@pytest.mark.long
 @settings(max_examples=10, deadline=None)
 @given(place=st.integers(700, 1190), seed=st.integers(0, 5))
 def test_no_baseline_changes_when_the_future_does(place, seed):

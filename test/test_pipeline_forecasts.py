@@ -80,7 +80,10 @@ def test_orientation_rates_and_their_variances_are_of_body_axes(decay):
 
 @pytest.mark.parametrize(
     ('trial', 'points'),
-    [(sea(40.0), ()), pytest.param(swell(200.0)[0], ('sensor', 'bow'), marks=pytest.mark.release)],
+    [
+        pytest.param(sea(40.0), (), marks=pytest.mark.long),
+        pytest.param(swell(200.0)[0], ('sensor', 'bow'), marks=pytest.mark.release),
+    ],
     ids=['craft', 'points'],
 )
 def test_who_comes_later_gets_the_forecast_of_who_was_there_from_the_start(trial, points):

@@ -158,6 +158,7 @@ def test_the_verb_scores_the_first_minute_and_prints_one_json_object(tmp_path, c
     assert 'quiescence' not in told and picture.stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_the_verb_prints_a_table_with_what_came_after_gaps(tmp_path, capsys):
     whole = sea(80.0)
     write_csv(tmp_path / 'sea.csv', only(whole, whole.time % 20.0 >= 0.5 - 1e-6))
