@@ -279,6 +279,15 @@ def test_stamps_in_whole_milliseconds_give_an_interval_between_them():
 # -- stamps
 
 
+@example(intervals=[5.0, 1e-9, 2e-8])
+@given(st.lists(st.one_of(st.just(0.002), st.floats(1e-9, 60.0)), min_size=1, max_size=80))
+def test_whatever_stamps_come_the_interval_is_positive_and_time_goes_on(intervals):
+    """One that was negative ended the predictor, when spoilt stamps came beside those of the sensor."""
+    clock = SampleClock()
+    for elapsed in intervals:
+        assert clock.follow(elapsed).elapsed > 0.0 and 0.0 < clock.interval < math.inf
+
+
 @pytest.mark.parametrize('kind', ['white', 'late'])
 def test_jitter_of_stamps_is_smoothed(kind):
     """A loop of gain g leaves sqrt(g / (2 - g)) of white jitter: a quarter."""

@@ -91,7 +91,8 @@ class SampleClock:
         doubt = THREE_STD * max(self._jitter - JITTER, 0.0)
         more = math.copysign(max(round(abs(relative - 1.0) - doubt), 0), relative - 1.0)
         intervals = max(1 + int(more), 0 if self.count > _INTERVALS else 1)
-        deviation = relative - intervals
+        # what was behind may be so many of another interval, while this one is guessed
+        deviation = max(relative - intervals, -float(_INTERVALS))
         if self._has_another_rate(elapsed / count):
             return Sampled(elapsed, 1)
         if intervals == 0:
