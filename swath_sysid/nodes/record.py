@@ -15,10 +15,12 @@ from swath_sysid.formats.output_bag import Recording, is_ours
 from swath_sysid.formats.topics import is_within
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD, OF_ROS, events_executor, run
 from swath_sysid.nodes.parameters.table import NODES
-from swath_sysid.nodes.qos import IMU_TOPIC, IMU_TYPE, bag_qos, message_class
+from swath_sysid.nodes.qos import BAG_DEPTH, IMU_TOPIC, IMU_TYPE, bag_qos, message_class
 from swath_sysid.pipeline.health import DISCOVERY
 
 SAVE_PERIOD = 1.0  #: s of messages that a loss of power costs at most.
+#: Messages of a latched topic that wait while the disk is slow: ten a second at most, and texts whose memory stays.
+LATCHED_DEPTH = 50
 
 
 class Record(Node):
@@ -100,10 +102,9 @@ class Record(Node):
         """With the strictest QoS that every publisher offers."""
         latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
         reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
-        write = self._recording.add_topic(topic, kind, latched, reliable)
-        self._subscribed[topic] = self.create_subscription(
-            message_class(kind), topic, partial(self._write, write), bag_qos(latched, reliable), raw=True
-        )
+        write = partial(self._write, self._recording.add_topic(topic, kind, latched, reliable))
+        qos = bag_qos(latched, reliable, LATCHED_DEPTH if latched else BAG_DEPTH)
+        self._subscribed[topic] = self.create_subscription(message_class(kind), topic, write, qos, raw=True)
 
 
 def record(path: str | Path, others: Sequence[str] = (), args: list[str] | None = None) -> tuple[int, dict[str, int]]:
