@@ -327,12 +327,14 @@ def _matches(pattern: str, folder: Path) -> list[tuple[Path, dict]]:
         raise InputError(f"the pattern '{shown(pattern)}' holds **: write * for each folder")
     base = Path(pattern).anchor
     root = Path(base) if base else folder
-    relative = pattern[len(base) :]
-    expression = pattern_expression(os.path.normpath(relative))
-    glob = re.sub(r'\{[^{}]*\}', '*', relative)
+    relative = os.path.normpath(pattern[len(base) :])
+    if relative == '.':
+        raise InputError(f"the pattern '{shown(pattern)}' names no file: write one such as decay_{{draft}}_*.csv")
+    expression = pattern_expression(relative)
+    glob = re.sub(r'(\{[^{}]*\}|\*)+', '*', relative)
     try:
         candidates = sorted(root.glob(glob))
-    except (ValueError, NotImplementedError, OSError) as error:
+    except (ValueError, RecursionError, OSError) as error:
         raise InputError(f"'{shown(pattern)}' is not a pattern: {shown(error)}") from error
     found = []
     for path in candidates:
