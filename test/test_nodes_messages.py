@@ -25,7 +25,7 @@ from swath_sysid.formats.messages import (  # noqa: E402
 )
 from swath_sysid.nodes.identifier import WindowClient  # noqa: E402
 from swath_sysid.nodes.parameters.table import table_of  # noqa: E402
-from swath_sysid.nodes.qos import time_message  # noqa: E402
+from swath_sysid.nodes.qos import message_class, time_message  # noqa: E402
 from swath_sysid.pipeline.health import IdentifierHealth  # noqa: E402
 
 
@@ -145,3 +145,16 @@ def test_whoever_asks_for_a_fit_is_told_why_the_window_was_refused():
     finally:
         node.destroy_node()
         rclpy.shutdown()
+
+
+OTHERS = ['/msg/Imu', '__main__/msg/Imu', 'json/msg/Imu', 'os.path/msg/Imu', 'sensor_msgs/msg/X']
+
+
+@pytest.mark.parametrize('name', ['antigravity/msg/X', 'sensor_msgs/msg/__name__', *OTHERS])
+def test_a_type_that_a_bag_or_another_node_names_imports_nothing_but_messages(name):
+    """The package antigravity, of Python itself, would open a browser."""
+    assert message_class(name) is None and 'antigravity' not in sys.modules
+
+
+def test_the_class_of_an_installed_message_is_found():
+    assert message_class('sensor_msgs/msg/PointCloud2') is PointCloud2

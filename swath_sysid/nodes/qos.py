@@ -1,8 +1,11 @@
 """Publishers and subscriptions with their QoS, the count of incompatible ones, and message classes by name."""
 
 import importlib
+import re
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from math import nan
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -97,7 +100,13 @@ def watched_subscription(
 
 def message_class(name: str) -> type | None:
     """The class of a message type such as sensor_msgs/msg/Imu, None where its package is not installed."""
+    # whoever publishes, or wrote a bag, chooses the name: nothing but a package of messages is imported for it
+    if not re.fullmatch(r'[a-z]\w*/msg/[A-Z]\w*', name, re.ASCII):
+        return None
     package, _, kind = name.partition('/msg/')
+    found = find_spec(package)
+    if not any((Path(folder) / 'msg').is_dir() for folder in (found and found.submodule_search_locations) or ()):
+        return None
     try:
         return getattr(importlib.import_module(f'{package}.msg'), kind, None)
     except ImportError:
