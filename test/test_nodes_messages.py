@@ -23,9 +23,9 @@ from swath_sysid.formats.messages import (  # noqa: E402
     window_message,
     window_table,
 )
-from swath_sysid.nodes.identifier import WindowClient  # noqa: E402
 from swath_sysid.nodes.parameters.table import table_of  # noqa: E402
 from swath_sysid.nodes.qos import message_class, time_message  # noqa: E402
+from swath_sysid.nodes.window_client import WindowClient  # noqa: E402
 from swath_sysid.pipeline.health import IdentifierHealth  # noqa: E402
 
 

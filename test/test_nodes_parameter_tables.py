@@ -18,7 +18,8 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.optimisers import OPTIMISERS
 from swath_sysid.common.wings import handed_in
-from swath_sysid.nodes.parameters.parameter_files import configuration_file, sections_of, values_from_file, values_of
+from swath_sysid.nodes.parameters.parameter_files import configuration_file, values_from_file, values_of
+from swath_sysid.nodes.parameters.sections import sections_of
 from swath_sysid.nodes.parameters.settings import craft_settings, pipeline_settings, refit_settings, window_settings
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module, parameters_of, table_of
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings

@@ -23,7 +23,8 @@ from swath_sysid.formats.files import shown
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.schema import plain_content
 from swath_sysid.formats.topics import IMU_TOPIC, LEADS, TYPES, type_of
-from swath_sysid.nodes.parameters.parameter_files import OPTION, Section, check_sections, sections_of, values_of
+from swath_sysid.nodes.parameters.parameter_files import check_sections, values_of
+from swath_sysid.nodes.parameters.sections import OPTION, Section, sections_of
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module
 from swath_sysid.share import share_folder
 

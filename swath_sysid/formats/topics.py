@@ -1,5 +1,6 @@
 """Names and message types of the topics, live and in bags."""
 
+from collections.abc import Iterable
 from functools import cache
 
 IMU, ODOMETRY = 'sensor_msgs/msg/Imu', 'nav_msgs/msg/Odometry'
@@ -93,3 +94,14 @@ def type_of(topic: str) -> str:
     if topic.endswith('/horizon'):
         return TRAJECTORY
     return ACCELERATION if '/acceleration_' in topic else ODOMETRY
+
+
+def listed(topics: Iterable[str]) -> str:
+    """Topics in order, with what they have in common up to the last slash said once."""
+    groups: dict[str, list[str]] = {}
+    for topic in sorted(topics):
+        folder, _, name = topic.rpartition('/')
+        groups.setdefault(f'{folder}/', []).append(name)
+    return ', '.join(
+        folder + (names[0] if len(names) == 1 else f'{{{", ".join(names)}}}') for folder, names in groups.items()
+    )

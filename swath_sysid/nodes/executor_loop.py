@@ -8,7 +8,7 @@ import re
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -21,6 +21,7 @@ from rclpy.task import Future
 
 from swath_sysid.common.errors import DONE, NOTHING_DONE, InputError
 from swath_sysid.common.wings import named
+from swath_sysid.formats.topics import listed
 
 #: Makers of executors, each with what makes the nodes that it runs: a class, or ``MODULE CLASS`` of this package, which
 #: is imported when its turn comes. Of nodes that work between callbacks, the first has precedence.
@@ -105,19 +106,8 @@ def _log_ready(nodes: Sequence[Node]) -> None:
         log, awaited = nodes[0].get_logger(), [topic for topic in first if topic not in made]
         names = ', '.join(node.get_name() for node in nodes)
         log.info(f'ready: {names}; waiting for the first message on {" and ".join(awaited)}')
-        log.info(f'subscribed to {_listed(inputs)}')
-        log.info(f'publishing {_listed(made)}')
-
-
-def _listed(topics: Iterable[str]) -> str:
-    """Topics in order, with what they have in common up to the last slash said once."""
-    groups: dict[str, list[str]] = {}
-    for topic in sorted(topics):
-        folder, _, name = topic.rpartition('/')
-        groups.setdefault(f'{folder}/', []).append(name)
-    return ', '.join(
-        folder + (names[0] if len(names) == 1 else f'{{{", ".join(names)}}}') for folder, names in groups.items()
-    )
+        log.info(f'subscribed to {listed(inputs)}')
+        log.info(f'publishing {listed(made)}')
 
 
 def _initialise(args: list[str] | None) -> None:
