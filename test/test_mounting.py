@@ -110,7 +110,8 @@ def test_the_predictor_rejects_a_model_of_another_mounting():
     text = model_to_yaml({'roll': replace(identified, provenance={'mounting_deg': [15, -10, 90]})})
     for mounting, is_rejected in ((None, True), (tuple(np.radians([15.0, -10.0, 90.0])), False)):
         settings = SimpleNamespace(installation=Installation('flu', mounting))
-        node = SimpleNamespace(parameters=SimpleNamespace(settings=settings))
+        pipeline, transforms = SimpleNamespace(settings=settings), SimpleNamespace(are_awaited=False)
+        node = SimpleNamespace(pipeline=pipeline, transforms=transforms)
         with pytest.raises(InputError, match='mounted at 15,-10,90 deg') if is_rejected else nullcontext():
             assert set(Predictor._models_in(node, text)[0]) == {'roll'}
 
@@ -153,20 +154,144 @@ def test_live_a_tilt_is_reported_until_the_craft_floats_level_once():
     assert all(each == [] for each in reports(((0, 0, 0), 40.0), ((0, 8, 0), 60.0))[-500:])
 
 
-def test_frames_are_followed_through_a_tree_and_what_is_not_connected_states_nothing():
-    def sent(parent, child, turn):
-        rotation = SimpleNamespace(**dict(zip('xyzw', turn.as_quat().tolist(), strict=True)))
-        return SimpleNamespace(
-            header=SimpleNamespace(frame_id=parent), child_frame_id=child, transform=SimpleNamespace(rotation=rotation)
-        )
+@pytest.fixture
+def spun(monkeypatch):
+    """Nodes whose ROS seems to have tf2_msgs, and how to send them samples of a sensor in the frame ``boat/imu``."""
+    rclpy = pytest.importorskip('rclpy')
+    from live_bench import imu_message
+    from rclpy.parameter import Parameter
+    from std_msgs.msg import Empty
 
+    from swath_sysid.nodes import transforms
+
+    monkeypatch.setattr(transforms, 'message_class', lambda kind: Empty)
+    nodes = []
+
+    def made(kind, **parameters):
+        rclpy.init()
+        nodes.append(kind())
+        return nodes[-1]
+
+    def send(node, readings):
+        for each in readings:
+            message = imu_message(each)
+            message.header.frame_id = 'boat/imu'
+            node.inbox.put(message)
+        node.work(60.0)
+
+    def set_to(node, **values):
+        return [each.reason for each in node.set_parameters([Parameter(n, value=v) for n, v in values.items()])]
+
+    yield SimpleNamespace(made=made, send=send, set_to=set_to)
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def frames_of(*sent):
+    """What a tf2_msgs/TFMessage holds: parent, child and rotation of each."""
+    each = [
+        SimpleNamespace(
+            header=SimpleNamespace(frame_id=parent),
+            child_frame_id=child,
+            transform=SimpleNamespace(
+                rotation=SimpleNamespace(**dict(zip('xyzw', turn.as_quat().tolist(), strict=True)))
+            ),
+        )
+        for parent, child, turn in sent
+    ]
+    return SimpleNamespace(transforms=each)
+
+
+@pytest.mark.parametrize('mounting', ROTATIONS)
+def test_live_the_first_samples_wait_for_the_transforms_and_are_turned(mounting, spun):
+    from swath_sysid.formats.messages import window_message, window_table
+    from swath_sysid.nodes.imu_buffer import ImuBuffer
+
+    truth = decay(0.5, 1.0)
+    readings = ImuRecord(np.round(1e9 * (1000.0 + truth.time)).astype(int), turned(truth, mounting))
+    node = spun.made(ImuBuffer)
+    spun.send(node, readings)
+    assert node.window.size == 0 and len(node.inbox) == len(truth.time) and not node.is_behind
+    node.transforms.take(frames_of(('boat/base_link', 'boat/imu', matrix_of(mounting))))
+    node.work(60.0)
+    table = node.window.table()
+    assert np.allclose(table.rows[:, 1:3], np.stack([truth.roll, truth.pitch], axis=1), atol=1e-6)
+    # the window tells the identifier, and the parameter who asks
+    raw = deserialised(window_message(table, 'base_link'))
+    stated = window_table(raw).installation.mounting
+    for told in (np.degrees(stated), node.get_parameter('mounting_deg').value):
+        assert (matrix_of(told) * matrix_of(mounting).inv()).magnitude() < np.radians(0.2)
+
+
+def deserialised(raw):
+    from rclpy.serialization import deserialize_message
+    from sensor_msgs.msg import PointCloud2
+
+    return deserialize_message(raw, PointCloud2)
+
+
+def test_live_without_a_transform_it_goes_on_after_the_stated_time_and_a_late_one_begins_a_new_window(
+    spun, monkeypatch
+):
+    from swath_sysid.nodes import transforms
+    from swath_sysid.nodes.imu_buffer import ImuBuffer
+
+    now = 100.0
+    monkeypatch.setattr(transforms, 'perf_counter', lambda: now)
+    truth = decay(0.5, 1.0)
+    readings = list(ImuRecord(np.round(1e9 * (1000.0 + truth.time)).astype(int), turned(truth, ROTATIONS[0])))
+    node = spun.made(ImuBuffer)
+    said = []
+    node.transforms._log = SimpleNamespace(info=said.append)
+    spun.send(node, readings[:30])
+    now += node.parameters['mounting_wait_s'] - 0.1
+    spun.send(node, readings[30:31])
+    assert node.window.size == 0 and not said
+    now += 0.2
+    spun.send(node, readings[31:32])
+    assert node.window.size == 32 and len(said) == 1
+    assert 'boat/imu in base_link is not stated' in said[0] and 'set mounting_deg' in said[0]
+    node.transforms.take(frames_of(('boat/base_link', 'boat/imu', matrix_of(ROTATIONS[0]))))
+    assert node.window.size == 0 and 'at 15, -10, 90 deg' in said[1]
+    spun.send(node, readings[32:])
+    assert np.allclose(node.window.table().rows[:, 1], truth.roll[32:], atol=1e-6)
+
+
+def test_live_the_predictor_takes_the_transform_and_then_rejects_a_model_of_another_mounting(spun):
+    from swath_sysid.nodes.predictor import Predictor
+
+    identified = IdentifiedModel.exactly(hull_named('swath-roll').model)
+    text = model_to_yaml({'roll': replace(identified, provenance={'mounting_deg': [0, 0, -90]})})
+    node = spun.made(Predictor)
+    node._described = Predictor._models_in(node, text)
+    node._load()
+    assert node.pipeline.models['roll'] is not None
+    truth = decay(0.5, 1.0)
+    readings = list(ImuRecord(np.round(1e9 * (1000.0 + truth.time)).astype(int), turned(truth, ROTATIONS[0])))
+    spun.send(node, readings)
+    assert node.pipeline.used == 0
+    node.transforms.take(frames_of(('boat/base_link', 'boat/imu', matrix_of(ROTATIONS[0]))))
+    node.work(60.0)
+    assert node.pipeline.used == len(readings) and node.pipeline.models['roll'] is None
+    (report,) = (each for each in node.health.reports(1.0, 1) if each.name == 'forecast')
+    assert 'mounted at 0,0,-90 deg, and it is stated at 15,-10,90' in report.message
+    # the same by hand
+    assert spun.set_to(node, mounting_deg=[0.0, 0.0, 45.0]) == ['']
+    assert np.allclose(node.pipeline.settings.installation.mounting, (0.0, 0.0, np.radians(45.0)))
+
+
+def test_frames_are_followed_through_a_tree_and_what_is_not_connected_states_nothing():
     turn, footprint = matrix_of((15, -10, 90)), matrix_of((0, 3, 20))
-    both = [sent('/footprint', '/base_link', footprint), sent('footprint', 'imu', footprint * turn)]
-    tree = frame_tree(SimpleNamespace(transforms=both))
+    both = ('/footprint', '/base_link', footprint), ('footprint', 'imu', footprint * turn)
+    tree = frame_tree(frames_of(*both))
     assert np.allclose(np.degrees(mounting_in(tree, 'imu', 'base_link')), (15, -10, 90))
     # axes forward, right, down are those of the frame turned by half a turn about x
-    down = frame_tree(SimpleNamespace(transforms=[sent('base_link', 'imu', matrix_of((180, 0, 0)))]))
+    down = frame_tree(frames_of(('base_link', 'imu', matrix_of((180, 0, 0)))))
     assert np.allclose(np.cos(mounting_in(down, 'imu', 'base_link', 'frd')), 1.0)
     assert mounting_in(tree, 'other', 'base_link') is mounting_in(tree, '', 'base_link') is None
-    circle = frame_tree(SimpleNamespace(transforms=[sent('imu', 'base_link', turn), sent('base_link', 'imu', turn)]))
+    # a driver that gives its own axes the name of the craft's
+    assert mounting_in({}, 'boat1/base_link', 'base_link', 'frd') is None
+    assert mounting_in({}, 'boat1/base_link', 'base_link') == (0.0, 0.0, 0.0)
+    circle = frame_tree(frames_of(('imu', 'base_link', turn), ('base_link', 'imu', turn)))
     assert mounting_in(circle, 'imu', 'base_link') is None

@@ -54,7 +54,7 @@ def test_a_window_goes_both_ways():
     found = window_table(message)
     np.testing.assert_array_equal(found.rows, a_table().rows)
     assert found.stamp_ns == EPOCH_NS and found.noticed == a_table().noticed and message.header.frame_id == 'base_link'
-    assert (message.height, message.width, message.point_step) == (1, 20, 72) and not message.is_dense
+    assert (message.height, message.width, message.point_step) == (1, 20, 96) and not message.is_dense
     assert [field.name for field in message.fields] == list(WINDOW_COLUMNS)
     nothing = deserialize_message(window_message(a_table(0), ''), PointCloud2)
     assert window_table(nothing).rows.shape == (0, len(COLUMNS))

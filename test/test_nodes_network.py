@@ -14,7 +14,7 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings  # noq
 from swath_sysid.cli.run import _type_of  # noqa: E402
 from swath_sysid.formats.bag_replay import ReplaySettings  # noqa: E402
 from swath_sysid.formats.output_bag import Recording, offered_qos, writing_bag  # noqa: E402
-from swath_sysid.formats.topics import FRAMES_TOPIC, TYPES  # noqa: E402
+from swath_sysid.formats.topics import FRAMES_TOPIC, STATIC_FRAMES, TYPES  # noqa: E402
 from swath_sysid.nodes.demo_monitor import Listener  # noqa: E402
 from swath_sysid.nodes.page_node import ASKED, PageNode  # noqa: E402
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, NODES  # noqa: E402
@@ -61,7 +61,7 @@ def done(watcher, node):
 
 def kinds_of(node):
     """The topics that a node may hear, with their types; without /tf, whose type PyPI lacks."""
-    heard = allowed(profile_of(node))['subscribe'] - {'/clock', FRAMES_TOPIC}
+    heard = allowed(profile_of(node))['subscribe'] - {'/clock', FRAMES_TOPIC, STATIC_FRAMES}
     return {topic: _type_of(topic if topic in TYPES else topic.lstrip('/')) for topic in heard}
 
 
@@ -92,8 +92,10 @@ def test_the_policy_has_the_form_that_sros2_reads_and_a_profile_of_all_that_we_s
 @pytest.mark.parametrize('node', NODES)
 def test_the_policy_allows_what_a_node_does_and_no_more(node, watcher):
     expected = allowed(profile_of(node))
+    # what needs tf2_msgs, which PyPI lacks
+    expected['subscribe'].discard(STATIC_FRAMES)
     if node == 'predictor':
-        # with frames_at_s, and with tf2_msgs, which PyPI lacks
+        # with frames_at_s
         expected['publish'].remove(FRAMES_TOPIC)
     # services and topics of a node are discovered one by one, and are too many until none is missing
     wait_for(

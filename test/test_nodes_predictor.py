@@ -4,6 +4,7 @@ import itertools
 import math
 import time
 
+import numpy as np
 import pytest
 
 rclpy = pytest.importorskip('rclpy')
@@ -19,6 +20,7 @@ from std_msgs.msg import Float32, Float64, String  # noqa: E402
 from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel, ScheduledModel  # noqa: E402
 from swath_sysid.attitude.motion.stamps import LOST  # noqa: E402
+from swath_sysid.attitude.prediction.forecast import Wanted  # noqa: E402
 from swath_sysid.attitude.prediction.sea_state import SeaReport  # noqa: E402
 from swath_sysid.common.conditions import CONDITIONS  # noqa: E402
 from swath_sysid.formats.model_file import scheduled_to_yaml  # noqa: E402
@@ -126,6 +128,29 @@ def test_a_sea_state_that_comes_with_a_sample_that_is_passed_over_is_told(predic
     )
     predictor._add(reading(EPOCH_NS, roll=0.01), 0.0, is_passed_over=True)
     assert sent == [SEA_TOPIC]
+
+
+def test_leads_horizon_and_rate_change_while_it_runs_and_a_fit_of_before_is_not_used(sailing):
+    predictor, sail = sailing
+    topics = set(predictor._publisher_of)
+    (no,) = set_parameters(predictor, horizon_s=0.05)
+    assert not no
+    for wrong in ({'leads_s': [2.0, 1.0]}, {'horizon_step_s': 8.0}, {'forecast_rate_hz': 0.0}):
+        assert set_parameters(predictor, **wrong) == [False]
+    assert set(predictor._publisher_of) == topics and predictor.pipeline.used > 50
+    values = {'leads_s': [0.4, 1.0], 'horizon_s': 8.0, 'horizon_step_s': 0.2, 'forecast_rate_hz': 2.0}
+    assert all(set_parameters(predictor, **values))
+    heard = {f'forecast/lead_{lead}s' for lead in ('0_4', '1_0')}
+    assert {name for name in predictor._publisher_of if '/lead_' in name} == heard
+    predictor._wanted, steps, finish = Wanted, [], predictor.pipeline.finish
+    predictor.pipeline.finish = lambda *given: steps.append(finish(*given)) or steps[-1]
+    predictor.sea.worker.finish()
+    sail(60)
+    assert not predictor.pipeline.diagnostics().has_waves
+    issued = [step.horizon for step in steps if step.horizon is not None]
+    assert issued and np.allclose(issued[-1].leads, np.arange(0.2, 8.1, 0.2))
+    assert np.allclose(steps[-1].forecast.leads if steps[-1].forecast else [0.4, 1.0], [0.4, 1.0])
+    assert 0.4 < np.median(np.diff([each.stamp_ns for each in issued])) / 1e9 < 0.6
 
 
 def test_only_what_somebody_may_hear_is_worked_into_messages(predictor, monkeypatch):

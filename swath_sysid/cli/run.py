@@ -22,7 +22,7 @@ from swath_sysid.common.wings import handed_in, named, wings
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.schema import plain_content
-from swath_sysid.formats.topics import IMU_TOPIC, LEADS, TYPES, type_of
+from swath_sysid.formats.topics import IMU_TOPIC, LEADS, STATIC_FRAMES, TRANSFORMS, TYPES, type_of
 from swath_sysid.nodes.parameters.parameter_files import check_sections, values_of
 from swath_sysid.nodes.parameters.sections import OPTION, Section, sections_of
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module
@@ -32,6 +32,7 @@ OWN_TRIGGERS = 'clear publish_window identify cancel rollback undo_rollback rele
 #: Types of what the nodes do not publish themselves, and of services.
 OTHER_TYPES = {
     'craft/loading': 'std_msgs/msg/Float64',
+    STATIC_FRAMES: TRANSFORMS,
     '~/progress': 'std_msgs/msg/Float32',
     '~/record': 'std_srvs/srv/SetBool',
     **dict.fromkeys((f'~/{name}' for name in OWN_TRIGGERS), 'std_srvs/srv/Trigger'),

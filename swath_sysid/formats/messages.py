@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, lru_cache
+from math import nan
 from struct import Struct
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, coefficients
-from swath_sysid.attitude.motion.attitude import FrameTree, Quaternion
+from swath_sysid.attitude.motion.attitude import FrameTree, Installation, Quaternion
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay
@@ -26,8 +27,9 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 
 SECOND_NS = round(1.0 / NANOSECOND)
-#: The last is 1 (roll) or 2 (pitch) in the rows of the free decay for which the window was published by itself, else 0.
-WINDOW_COLUMNS = (*COLUMNS, 'decay')
+SENSOR_COLUMNS = ('sensor_roll', 'sensor_pitch', 'sensor_yaw')  #: rad; its mounting, in every row; NaN: not stated.
+#: ``decay`` is 1 (roll) or 2 (pitch) in the rows of the free decay that the window was published for by itself, else 0.
+WINDOW_COLUMNS = (*COLUMNS, 'decay', *SENSOR_COLUMNS)
 ORIENTATION, RATES, FORCE = slice(0, 4), slice(13, 16), slice(25, 28)
 ORIENTATION_COVARIANCE, RATES_COVARIANCE, FORCE_COVARIANCE = slice(4, 13), slice(16, 25), slice(28, 37)
 #: The doubles of an Imu message, in their order.
@@ -200,7 +202,9 @@ def trajectory_values(message: Any) -> tuple[int, list[int], list[str], list[flo
 
 def window_message(table: MotionTable, frame_id: str) -> bytes:
     """The sensor_msgs/PointCloud2 of a `MotionTable`: one row for each sample."""
-    rows = np.column_stack([table.rows, _marks(table)]).astype('<f8')
+    mounting = None if table.installation is None else table.installation.mounting
+    of_sensor = np.tile((nan, nan, nan) if mounting is None else mounting, (len(table.rows), 1))
+    rows = np.column_stack([table.rows, _marks(table), of_sensor]).astype('<f8')
     size = FLOAT64_BYTES * len(WINDOW_COLUMNS)
     float64 = typestore().types['sensor_msgs/msg/PointField'].FLOAT64
     fields = [(name, FLOAT64_BYTES * place, float64, 1) for place, name in enumerate(WINDOW_COLUMNS)]
@@ -255,9 +259,11 @@ def window_table(message: Any) -> MotionTable:
         }
     )
     table = np.frombuffer(memoryview(message.data), dtype=layout, count=count)
-    *columns, marks = (table[name].astype(float) for name in WINDOW_COLUMNS)
+    *columns, marks, roll, pitch, yaw = (table[name].astype(float) for name in WINDOW_COLUMNS)
     _check_stamps(columns[0])
-    return MotionTable(np.stack(columns, axis=1), stamp_ns(message.header.stamp), _noticed(columns[0], marks))
+    mounting = (roll[0], pitch[0], yaw[0]) if count and np.isfinite((roll[0], pitch[0], yaw[0])).all() else None
+    installation, noticed = Installation('flu', mounting), _noticed(columns[0], marks)
+    return MotionTable(np.stack(columns, axis=1), stamp_ns(message.header.stamp), noticed, installation)
 
 
 def text_message(text: str) -> bytes:

@@ -1,6 +1,6 @@
 """What the predictor publishes: the messages of its forecasts, and a publisher of each topic."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -20,18 +20,24 @@ NO_FRAMES = (
 
 
 def forecast_publishers(
-    node: Node, parameters: NodeParameters, health: PredictorHealth
+    node: Node, parameters: NodeParameters, health: PredictorHealth, before: Mapping[str, Publisher] | None = None
 ) -> tuple[ForecastMessages, dict[str, Publisher], Callable[[], Wanted]]:
-    """The messages of forecasts, their publishers by topic, and what those that somebody subscribes to are made of."""
+    """The messages of forecasts, their publishers by topic, and what those that somebody subscribes to are made of.
+
+    Of the publishers from ``before`` a change of the parameters, those of topics that are left stay.
+    """
     frames = frames_at(parameters['frames_at_s'])
     if frames and message_class(TYPES[FRAMES_TOPIC]) is None:
         node.get_logger().error(NO_FRAMES)
         frames = ()
-    settings, found = parameters.settings.forecaster, {}
+    settings, found, left = parameters.settings.forecaster, {}, dict(before or {})
     published = settings.leads, [point.name for point in settings.points], frames
     for topic in forecast_topics(*published):
         qos = LATCHED if topic in LATCHED_TOPICS else NEWEST
-        found[topic] = watched_publisher(node, message_class(type_of(topic)), topic, qos, health)
+        known = left.pop(topic, None)
+        found[topic] = known or watched_publisher(node, message_class(type_of(topic)), topic, qos, health)
+    for publisher in left.values():
+        node.destroy_publisher(publisher)
 
     def is_heard(topic: str) -> bool:
         return found[topic].get_subscription_count() > 0

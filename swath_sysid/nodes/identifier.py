@@ -18,7 +18,7 @@ from swath_sysid.formats.topics import COEFFICIENTS_TOPIC, DESCRIPTION_TOPIC, WI
 from swath_sysid.nodes.executor_loop import Plan
 from swath_sysid.nodes.identification import CANCELLED, Answer, IdentificationNode
 from swath_sysid.nodes.kept_model import ModelFile
-from swath_sysid.nodes.parameters.settings import installation, refit_settings
+from swath_sysid.nodes.parameters.settings import refit_settings
 from swath_sysid.nodes.qos import LATCHED, SERVICES, watched_publisher
 from swath_sysid.nodes.window_client import WindowClient
 from swath_sysid.pipeline.health import Report, stability_report, verdict_values
@@ -76,10 +76,7 @@ class Identifier(IdentificationNode):
     async def _refit(self, is_asked: bool, *fresh: MotionTable) -> Answer:
         origin = {'source': {'topic': WINDOW_TOPIC}, 'software': f'swath_sysid {__version__}'}
         self.refitter.settings = self.parameters.settings
-        # a window has the axes of the craft, and does not tell the sensor's
-        mount = installation({'mounting_deg': self.parameters['mounting_deg']})
-        tables = [replace(each, installation=mount) for each in (*self._noticed, *fresh)]
-        request = self.refitter.request(*tables, is_asked=is_asked, **origin)
+        request = self.refitter.request(*self._noticed, *fresh, is_asked=is_asked, **origin)
         self._noticed.clear()
         return await self.refit(refit, request)
 

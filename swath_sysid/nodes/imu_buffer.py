@@ -14,6 +14,7 @@ from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.inbox import Inbox
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import window_settings
+from swath_sysid.nodes.transforms import Transforms
 from swath_sysid.pipeline.health import BufferHealth, Report
 
 
@@ -30,6 +31,7 @@ class ImuBuffer(Node):
         self.health = BufferHealth(self.resolve_topic_name(qos.IMU_TOPIC), self.window)
         self._publisher = qos.watched_publisher(self, PointCloud2, 'motion/window', qos.LATCHED, self.health)
         self.inbox = Inbox(self, self.parameters['queue_depth'], self.health)
+        self.transforms = Transforms(self, self.parameters)
         self.create_service(Trigger, '~/publish_window', self._on_publish_window)
         self.create_service(Trigger, '~/clear', self._on_clear)
         self.create_service(SetBool, '~/record', self._on_record)
@@ -39,16 +41,20 @@ class ImuBuffer(Node):
         self.window.detect_decay(settings.detect_decay)
         if settings.window != self.window.settings.window:
             self.window.resize(settings.window)
+        if settings.installation != self.window.settings.installation:
+            self.window.mount(settings.installation)
+            # empty: the identifier forgets its decays, too
+            self._publish(self.window.table())
 
     @property
     def is_behind(self) -> bool:
         """Whether messages wait."""
-        return bool(self.inbox)
+        return bool(self.inbox) and not self.transforms.hold_back(self.inbox)
 
     def work(self, seconds: float) -> None:
         """Handle the messages that wait, for so long."""
         until = perf_counter() + seconds
-        while self.inbox and perf_counter() < until:
+        while self.is_behind and perf_counter() < until:
             self._add(*self.inbox.popleft())
 
     def _add(self, message: Imu, arrival: float, clock_ns: int) -> None:

@@ -1,6 +1,7 @@
 """The node predictor: attitude one sample ahead, at the leads and over the horizon, with covariance."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from time import perf_counter
 
 from rclpy.node import Node
@@ -23,6 +24,7 @@ from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import pipeline_settings
 from swath_sysid.nodes.sea_fitting import SeaFitting
+from swath_sysid.nodes.transforms import Transforms
 from swath_sysid.nodes.upstream_topics import Upstream
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings, warm_up
@@ -57,6 +59,7 @@ class Predictor(Node):
         qos.watched_subscription(self, Float64, 'craft/loading', self._on_loading, qos.NEWEST, self.health)
         self.upstream.listen(self.pipeline, self.health)
         self.inbox = PacedInbox(self, depth, self.health, in_step)
+        self.transforms = Transforms(self, self.parameters)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
     def destroy_node(self) -> None:
@@ -69,7 +72,7 @@ class Predictor(Node):
     @property
     def is_behind(self) -> bool:
         """Whether samples wait."""
-        return bool(self.inbox)
+        return bool(self.inbox) and not self.transforms.hold_back(self.inbox)
 
     def work(self, seconds: float) -> None:
         """Handle the samples that wait, for so long: forecast from each or, where others wait behind it, from the
@@ -78,7 +81,7 @@ class Predictor(Node):
         if self._intake.endings and self._use_new_models():
             self._diagnostics.publish()  # a user who has just seen the model must not read that there is none
         until = perf_counter() + seconds
-        while self.inbox and (begun := perf_counter()) < until:
+        while self.is_behind and (begun := perf_counter()) < until:
             if self.sea.is_fitting and not self.sea.hands_over(self.inbox.oldest_ns, until - begun):
                 return
             (message, arrival, clock_ns), is_used, is_passed_over = self.inbox.take()
@@ -109,7 +112,8 @@ class Predictor(Node):
     def _models_in(self, text: str) -> tuple[dict, dict]:
         """Models and schedules of a text, of which an empty one takes the models away."""
         models, schedules = description_from_yaml(text, DESCRIPTION_TOPIC) if text else ({}, {})
-        check_mounting(models, self.parameters.settings.installation)
+        if not self.transforms.are_awaited:
+            check_mounting(models, self.pipeline.settings.installation)
         return models, schedules
 
     def _publish(self, messages: Iterable[tuple[str, bytes]]) -> None:
@@ -141,11 +145,30 @@ class Predictor(Node):
             self._log_error(f'{error}; the previous loading stays')
 
     def _on_parameters(self, settings: PipelineSettings) -> None:
-        self.pipeline.forecaster.set_quiescence(settings.forecaster.quiescence)
+        before, settings = self.pipeline.settings, self.upstream.settings(settings)
+        limits = settings.forecaster.quiescence
+        if settings != replace(before, forecaster=replace(before.forecaster, quiescence=limits)):
+            self._begin_anew(settings)
+        self.pipeline.forecaster.set_quiescence(limits)
         self._load()
+
+    def _begin_anew(self, settings: PipelineSettings) -> None:
+        """Forecast for other leads, or of a sensor that is mounted otherwise."""
+        self.sea.forget()
+        self.pipeline.begin_anew(settings)
+        found = forecast_publishers(self, self.parameters, self.health, self._publisher_of)
+        self._messages, self._publisher_of, self._wanted = found
+        self.get_logger().info('forecasts begin anew, and learn the waves again, with the changed parameters')
 
     def _load(self) -> None:
         """Hand on the models at the present loading; the filters keep their state."""
+        try:
+            if not self.transforms.are_awaited:
+                check_mounting(self._described[0], self.pipeline.settings.installation)
+        except InputError as error:
+            self._described = {}, {}
+            self.health.note_refused_model(str(error))
+            self._log_error(f'{error}; until then it is forecast without a model')
         models, advice = models_at(*self._described, self.parameters['loading'] or self._published_loading)
         self.pipeline.set_models(models)
         self.health.settle('loading')

@@ -22,11 +22,16 @@ class SeaFitting:
         self._ended: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
         self.is_fitting = False  #: Whether `hands_over` is to be called before each sample.
         self._due_ns = self._newest_ns = 0
+        self._is_of_before = False  #: Whether the fit under way is of a past that the pipeline has forgotten.
         self.worker = Worker(warm_up, lambda: health.note('wave-worker-died'))
 
     def close(self) -> None:
         """End the worker."""
         self.worker.close()
+
+    def forget(self) -> None:
+        """Use no fit that is under way."""
+        self._is_of_before = self.is_fitting
 
     def submit(self, request: Any, stamp_ns: int) -> None:
         """Fit the past that a step at this stamp asked for, unless a fit is still under way."""
@@ -45,6 +50,9 @@ class SeaFitting:
             except Empty:
                 return False
             self.is_fitting = False
+            if self._is_of_before:
+                self._is_of_before = False
+                continue
             if error is not None:
                 self._health.note('waves-not-fitted', 'waves')
                 self._logger.error(f'the waves were not fitted: {error}')

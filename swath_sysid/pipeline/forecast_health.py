@@ -46,7 +46,8 @@ class PredictorHealth(health.StreamHealth):
         """The statuses of now; see `StreamHealth.report`."""
         state = self._pipeline.diagnostics()
         interval = None if isnan(state.sample_interval) else state.sample_interval
-        refused = [f'{self._refusal}; the previous model stays'] if self._refusal else []
+        kept = 'the previous model stays' if any(self._pipeline.models.values()) else 'there is no model'
+        refused = [f'{self._refusal}; {kept}'] if self._refusal else []
         compiling = [] if self.compiled_share is None else [f'compiling, {self.compiled_share:.0%} done']
         message = '; '.join([*compiling, *refused, *(advice.message for advice in state.advice)])
         codes = tuple({advice.code for advice in state.advice} - EXPECTED) + ('bad-model',) * len(refused)

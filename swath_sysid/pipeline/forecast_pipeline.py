@@ -166,6 +166,14 @@ class ForecastPipeline:
         self._since_used += 1
         self._left_out += 1
 
+    def begin_anew(self, settings: PipelineSettings) -> None:
+        """Forecast with other settings, and learn the sea anew; the models stay."""
+        if settings.installation != self.settings.installation:
+            self.installation = InstallationCheck(settings.installation)
+            self.intake = intake.Intake(settings.installation, settings.stamps)
+        self.settings = settings
+        self._begin_again()
+
     def _begin_again(self) -> None:
         """Forget what was learnt from stamps that were no times of samples."""
         self.forecaster, self._first_ns = Forecaster(self.settings.forecaster), None

@@ -271,8 +271,10 @@ def mounting_in(tree: FrameTree, sensor: str, craft: str, frame: str = 'flu') ->
     """The mounting, rad, of a sensor's frame in a craft's, also one with a prefix (``boat1/base_link``).
 
     None where the tree does not connect the two, or several frames of that name with the sensor. An ``frd`` sensor has
-    its frame's x axis forward and z axis down.
+    its frame's x axis forward and z axis down, so one that names the craft's frame states nothing.
     """
+    if frame != 'flu' and sensor.rpartition('/')[2] == craft:
+        return None
     root, placed = _in_root(tree, sensor)
     origins = [_in_root(tree, name) for name in {*tree, root} if name == craft or name.endswith(f'/{craft}')]
     turns = [multiply(conjugate(*turn), placed) for end, turn in origins if end == root not in tree]

@@ -146,6 +146,12 @@ class MotionWindow:
             self._rows.append(row)
         self._rows.drop_below(self._stamp_ns * NANOSECOND - length)
 
+    def mount(self, installation: Installation) -> None:
+        """Begin a new window, of a sensor that is mounted otherwise."""
+        self.settings = replace(self.settings, installation=installation)
+        self._intake = Intake(installation, self.settings.stamps)
+        self.clear()
+
     @property
     def _capacity(self) -> int:
         return ceil(self.settings.window * self.settings.max_rate) + 1

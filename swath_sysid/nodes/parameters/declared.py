@@ -23,7 +23,7 @@ class NodeParameters:
         settings_of: Callable[[table.Values], Any],
         on_change: Callable[[Any], None] | None = None,
     ):
-        self._settings_of = settings_of
+        self._node, self._settings_of = node, settings_of
         self._on_change = on_change
         self.values: table.Values = {}
         # twice: the first values may name points, which have a parameter each
@@ -45,6 +45,16 @@ class NodeParameters:
 
     def __getitem__(self, name: str) -> Any:
         return self.values[name]
+
+    def mount(self, angles: list[float] | None) -> None:
+        """State the mounting of the sensor, deg, in place of the user, or (None) that nobody does."""
+        if angles is not None:
+            self.values = {**self.values, table.MOUNTED: True}
+            self._node.set_parameters([Parameter('mounting_deg', value=angles)])
+        # also where zeros were and are
+        self.settings = self._settings_of(self.values)
+        if self._on_change is not None:
+            self._on_change(self.settings)
 
     def _changed(self, parameters: list[Parameter]) -> table.Values:
         ours = {p.name: _plain(p.value) for p in parameters if p.name in self._names}
