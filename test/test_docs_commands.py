@@ -44,10 +44,11 @@ NOT_RUN = {
         )
     },
     'docs/howto/drivers.md': {'IMU_TOPIC=': 'needs a Docker daemon'},
+    'docs/howto/frames.md': {'swath-sysid mounting': 'needs a record of a push: test_mounting.py estimates from some'},
     'docs/howto/layouts.md': {'swath-sysid run': 'frames need tf2_msgs, which is not on PyPI', 'rviz2': ROS_APT},
     'docs/howto/manoeuvring.md': {'ros2 service call': ROS_APT},
     'docs/howto/network.md': {'ros2 security': ROS_APT},
-    'docs/howto/on_board.md': {'pip install': INSTALLS, 'ros2 launch': ROS_APT},
+    'docs/howto/on_board.md': {'pip install': INSTALLS, 'ros2 launch': ROS_APT, 'ros2 param': ROS_APT},
     'docs/howto/page.md': {
         'pip install': 'installs, and needs a browser: test_page_live.py drives the page where both are',
         'swath-sysid page --host': 'opens the machine to its network',

@@ -154,6 +154,36 @@ def test_live_a_tilt_is_reported_until_the_craft_floats_level_once():
     assert all(each == [] for each in reports(((0, 0, 0), 40.0), ((0, 8, 0), 60.0))[-500:])
 
 
+@pytest.mark.parametrize('pushed', ['bow', 'starboard'])
+@pytest.mark.parametrize('mounting', ROTATIONS)
+def test_rest_and_a_push_show_the_mounting_and_the_printed_lines_state_it(mounting, pushed, tmp_path, capsys):
+    trial = decay(3.0, 12.0, 0.1)
+    # a second to push, and a tenth of the motion about the other axis, with another period
+    push = 0.1 * np.clip(trial.time - 2.0, 0.0, 1.0) + np.where(trial.time >= 3.0, trial.roll - 0.1, 0.0)
+    across = 0.1 * push * np.cos(3.1 * trial.time) + np.random.default_rng(2).normal(0.0, 2e-3, push.size)
+    angles = {'roll': across, 'pitch': push} if pushed == 'bow' else {'roll': push, 'pitch': across}
+    bag = bag_of(tmp_path / 'a.mcap', replace(trial, **angles), mounting)
+    assert main(['mounting', str(bag), '--pushed', pushed]) == 0
+    lines = capsys.readouterr().out
+    flag = [float(each) for each in lines.split('--mounting ')[1].split()[0].split(',')]
+    parameter = [float(each) for each in lines.split('mounting_deg: [')[1].split(']')[0].split(',')]
+    urdf = Rotation.from_euler('xyz', [float(each) for each in lines.split('rpy="')[1].split('"')[0].split()])
+    for stated in (matrix_of(flag), matrix_of(parameter), urdf):
+        assert (stated * matrix_of(mounting).inv()).magnitude() < np.radians(1.5)
+
+
+def test_a_record_that_shows_no_mounting_is_refused_in_one_sentence(tmp_path, capsys):
+    still, released = decay(10.0, 0.1, 1e-4), decay(0.0, 10.0)
+    both = replace(released, pitch=np.roll(released.roll, 30))
+    late = replace(decay(3.0, 10.0), roll=np.where(decay(3.0, 10.0).time < 2.0, 0.0, decay(3.0, 10.0).roll))
+    circling = replace(late, pitch=0.9 * np.gradient(late.roll, late.time) / 2.5)
+    cases = (still, 'shows no push'), (both, 'does not begin at rest'), (circling, 'turns about two axes')
+    for trial, words in cases:
+        assert main(['mounting', str(bag_of(tmp_path / 'a.mcap', trial, (0, 0, 0))), '--pushed', 'bow']) == 2
+        assert words in capsys.readouterr().err
+        (tmp_path / 'a.mcap').unlink()
+
+
 @pytest.fixture
 def spun(monkeypatch):
     """Nodes whose ROS seems to have tf2_msgs, and how to send them samples of a sensor in the frame ``boat/imu``."""

@@ -21,10 +21,13 @@ import yaml
 from repository import ROOT, are_those
 
 import swath_sysid
-from swath_sysid.cli.main import build_parser
+from swath_sysid.cli.main import build_parser, main
+from swath_sysid.cli.run import _type_of
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.wings import wings
-from swath_sysid.formats.topics import HORIZON_TOPIC, NEXT_TOPIC, frame_at, lead_topic
+from swath_sysid.formats.forecast_output import forecast_topics
+from swath_sysid.formats.messages import typestore
+from swath_sysid.formats.topics import HORIZON_TOPIC, IMU, NEXT_TOPIC, TYPES, frame_at, lead_topic
 from swath_sysid.nodes.parameters.parameter_files import values_from_file
 from swath_sysid.nodes.parameters.settings import pipeline_settings, window_settings
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module
@@ -353,6 +356,7 @@ def test_citation_and_changelog_are_of_this_version():
 CONFIG = share_folder() / 'config'
 LEADS = [f'/{lead_topic(lead)}' for lead in defaults('predictor')['leads_s']]
 NAMES = ('imu/data', 'model/description', 'model/coefficients', 'identifier/progress', NEXT_TOPIC, HORIZON_TOPIC)
+BOAT = ('--namespace', 'boat1', '--imu-topic', '/sensors/imu', '--frame-id', 'base_link_of_1')
 OURS = {f'/{name}' for name in NAMES} | set(LEADS)
 
 
@@ -368,6 +372,58 @@ def test_layouts_draw_our_topics_by_header_stamp():
     assert methods == {'headerStamp'}
     scripts = [script['sourceCode'] for script in json.loads(foxglove)['userNodes'].values()]
     assert scripts and all(re.search(r'inputs = \["(.+?)"\](.|\n)*output = "/degrees\1"', each) for each in scripts)
+
+
+@pytest.mark.parametrize(('given', 'namespace', 'sensor'), [((), '', '/imu/data'), (BOAT, '/boat1', '/sensors/imu')])
+def test_every_topic_and_field_of_a_layout_exists(given, namespace, sensor, capsys):
+    texts = []
+    for program in ('plotjuggler', 'foxglove', 'rviz'):
+        assert main(['layout', program, *given]) == 0
+        texts.append(capsys.readouterr().out)
+    plotjuggler, foxglove = ElementTree.fromstring(texts[0].encode()), json.loads(texts[1])
+    published = [f'{namespace}/{name}' for name in (*forecast_topics(defaults('predictor')['leads_s'], ()), *NAMES[1:])]
+    known = {sensor: IMU, **{topic: _type_of(topic.removeprefix(f'{namespace}/')) for topic in published}}
+    known |= {f'{namespace}/identifier/progress': 'std_msgs/msg/Float32', '/diagnostics': TYPES['/diagnostics']}
+
+    def assert_has(path, parts):
+        topic = max((topic for topic in known if path.startswith(topic)), key=len)
+        kind = known[topic]
+        for name in re.split(parts, path[len(topic) :])[1:]:
+            # the parts of an array; what PlotJuggler and the scripts make of an orientation
+            if name.rstrip(':]').isdigit() or name == ':]' or kind.endswith('Quaternion') and name in ('roll', 'pitch'):
+                continue
+            fields = dict(typestore().fielddefs[kind][1])
+            assert name in fields, (path, name)
+            kind = next(iter(re.findall(r'\w+/msg/\w+', str(fields[name]))), kind)
+
+    selected = next(plotjuggler.iter('selected_topics')).get('value').split(';')
+    assert selected and set(selected) <= set(known)
+    sources = {each.text for each in plotjuggler.iter('linked_source')}
+    curves = {each.get('name') for each in plotjuggler.iter('curve')}
+    made = {each.get('name') for each in plotjuggler.iter('snippet')}
+    for path in [*sources, *(name for name in curves - made if not name.startswith('/diagnostics/'))]:
+        assert_has(path, '/')
+    health = {name for name in curves if name.startswith('/diagnostics/')}
+    assert health and all(name.startswith(f'/diagnostics{namespace}/') for name in health)
+    scripts = {}
+    for each in foxglove['userNodes'].values():
+        (read,), (written,) = (re.findall(rf'{word} = .*?"(.*)"', each['sourceCode']) for word in ('inputs', 'output'))
+        scripts[f'/{each["name"]}'] = read
+        assert written == f'/{each["name"]}' == f'/degrees{read}' and known[read] == IMU
+        assert set(re.findall(r'event\.message\.(\w+)', each['sourceCode'])) <= {'orientation', 'header'}
+    for panel in foxglove['configById'].values():
+        for path in [*(each['value'] for each in panel.get('paths', [])), *filter(None, [panel.get('topicPath')])]:
+            if path.startswith('/degrees'):
+                assert path.rpartition('.')[0] in scripts and path.rpartition('.')[2] in ('roll', 'pitch')
+            else:
+                assert_has(path, r'[.\[]')
+    assert f'base_link{"_of_1" * bool(given)}_in_1_0s' in texts[2]
+
+
+def test_a_layout_for_a_name_that_ros_rejects_is_refused(tmp_path, capsys):
+    for words in (['foxglove', '--namespace', 'my boat'], ['rviz', '--output', str(tmp_path / 'a.json')], ['gnuplot']):
+        assert main(['layout', *words]) == 2
+        assert capsys.readouterr().err.count('\n') == 1 and not list(tmp_path.iterdir())
 
 
 def test_rviz_shows_the_frames_that_predictor_publishes():

@@ -218,13 +218,14 @@ def remappings(arguments: Namespace) -> list[str]:
     """What `--namespace` and, of a verb that has it, `--imu-topic` are to ROS."""
     given = []
     if arguments.namespace:
-        given += ['-r', f'__ns:=/{_ros_name("namespace", arguments.namespace.strip("/"))}']
+        given += ['-r', f'__ns:=/{ros_name("namespace", arguments.namespace.strip("/"))}']
     if getattr(arguments, 'imu_topic', None):
-        given += ['-r', f'{IMU_TOPIC}:={_ros_name("topic", arguments.imu_topic)}']
+        given += ['-r', f'{IMU_TOPIC}:={ros_name("topic", arguments.imu_topic)}']
     return given
 
 
-def _ros_name(kind: str, name: str) -> str:
+def ros_name(kind: str, name: str) -> str:
+    """A name that ROS accepts, or `InputError` with one that it would."""
     part = r'([A-Za-z_]\w*|\{\w+\})'
     if not re.fullmatch(f'(/|~/)?{part}(/{part})*', name, re.ASCII):
         parts = [re.sub(r'\W', '_', word, flags=re.ASCII) for word in name.split('/') if word]
