@@ -59,16 +59,38 @@ def test_the_actuator_follows_through_the_inverse_of_its_lag_and_integration_is_
 
 
 @pytest.mark.release
-def test_a_gangway_is_stiller_and_a_winch_gains_with_the_forecast(voyage):
-    gangway, mpc = importlib.import_module('gangway'), importlib.import_module('mpc')
+def test_a_gangway_is_stiller_with_the_forecast(voyage):
+    gangway = importlib.import_module('gangway')
     for left in gangway.residual_variances(gangway.hold(voyage)).values():
         assert left['forecast'] < 0.1 * left['constant rate'] < left['raw']
-    planned = mpc.plan(0.0, np.full(mpc.STEPS, 5.0), np.ones(mpc.STEPS))
-    assert planned == pytest.approx(np.full(mpc.STEPS, -mpc.LARGEST))
-    _, speeds = mpc.control(voyage)
-    rms = {name: np.sqrt(np.mean(speed**2)) for name, speed in speeds.items()}
-    assert rms['forecast'] < 0.9 * rms['constant rate']
-    assert rms['forecast'] < 0.7 * rms['persistence'] < rms['(not at all)']
+
+
+def test_the_platform_answers_after_its_delay_at_its_speed_and_falls_back_without_a_forecast():
+    steady = importlib.import_module('steady_platform')
+    platform, angles = steady.Platform(), []
+    for _ in range(10):
+        platform.send(1.0)
+        angles.append(platform.angle)
+    late = round(steady.DELAY / steady.STEP)
+    moved = steady.STEP * steady.SPEED * np.arange(1, 11 - late)
+    np.testing.assert_allclose(angles, np.concatenate([np.zeros(late), moved]))
+    assert platform.ahead() == pytest.approx(10 * steady.STEP * steady.SPEED)
+    # a target that can be followed is: the plan reaches it in the first step
+    leads = np.arange(0.1, 5.05, 0.1)
+    near = steady.Horizon(0.0, leads, np.full(leads.size, platform.ahead() + 0.2 * steady.STEP * steady.SPEED), 5.0)
+    assert steady.command(platform, 0.0, 9.0, near) == pytest.approx(0.2 * steady.SPEED, rel=0.5)
+    for horizon, time in ((None, 0.0), (near, 6.0), (steady.Horizon(0.0, leads, 0.0 * leads, 0.1), 0.0)):
+        assert steady.command(platform, time, 0.3, horizon) == (0.3 - platform.ahead()) / steady.STEP
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('seed', [101, 102])
+def test_the_platform_is_steadier_with_the_forecast_and_no_worse_while_the_sensor_is_frozen(seed):
+    steady = importlib.import_module('steady_platform')
+    found = steady.errors(seed, None, 150.0, 80.0)
+    assert found['forecast'] < 0.3 * found['reading'] and found['forecast'] < 0.8 * found['reading and rate']
+    found = steady.errors(seed, (100.0, 120.0), 150.0)
+    assert found['forecast'] <= found['reading']
 
 
 @pytest.mark.release

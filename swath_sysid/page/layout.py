@@ -38,7 +38,7 @@ Update = Callable[[View], None]  #: Updates one card.
 def build(state: PageState) -> None:
     """Lay out the page for one browser and keep it up to date."""
     ui.add_css(STYLE)
-    ui.colors(primary='#1976d2')
+    ui.colors(primary='#1976d2', secondary='#00695c')
     with ui.header().classes('items-center py-2'):
         with ui.element('h1'):
             ui.label('swath_sysid')
@@ -47,7 +47,15 @@ def build(state: PageState) -> None:
             list(AXES), value=state.view.axis or AXES[0], on_change=lambda event: state.choose(event.value)
         ).props('dense color=primary toggle-color=secondary text-color=white').mark('axis')
     with ui.element('div').classes('w-full grid items-start gap-3 grid-cols-1 lg:grid-cols-2 xl:grid-cols-3'):
-        updates = [_guide(state), _release(), _model(), *(_motion(axis) for axis in AXES), _calm(), _health(), _heave()]
+        updates = [
+            _guide(state),
+            *(_motion(axis) for axis in state.axes),
+            _actions(state),
+            _release(),
+            _model(),
+            _calm(),
+        ]
+        updates += [_health(), _heave()]
         if state.manifest:
             updates.append(_trials())
 
@@ -70,13 +78,9 @@ def _guide(state: PageState) -> Update:
     with _card('Bring-up'):
         progress = ui.linear_progress(0.0, show_value=False).props('rounded aria-label="progress of the bring-up"')
         sentence = _text('text-subtitle1 text-weight-medium', 'sentence', 2)
-        cure = _text('text-body1', 'cure', 3)
+        cure = _text('text-body1', 'cure', 2)
         primary = ui.button().props('no-caps unelevated').style('min-height: 2.75rem').classes('w-full')
-        buttons: dict[str, _Button] = {}
-        for group in GROUPS:
-            with ui.row().classes('gap-x-1 gap-y-0'):
-                buttons |= {name: _Button(name, *texts, partial(_press, state, name)) for name, texts in group.items()}
-        answers = _text('text-caption opacity-70 whitespace-pre-line', 'answers', 2)
+        answers = _text('text-caption opacity-70 whitespace-pre-line', 'answers', 1)
     primary.on_click(lambda: _press(state, state.view.guidance.action))
 
     def update(view: View) -> None:
@@ -86,15 +90,29 @@ def _guide(state: PageState) -> Update:
         sentence.text = guidance.sentence
         cure.text = f'{guidance.fault}: {guidance.cure}' if guidance.fault else guidance.cure
         cure.classes(add='fault') if guidance.fault else cure.classes(remove='fault')
-        for name, button in buttons.items():
-            button.show(view.refusals.get(name, ''), name == action)
-        buttons['push'].button.visible = view.can_push
-        buttons['record'].button.text = 'Stop recording' if view.is_recording else BUTTONS['record'][0]
         if action != primary.props.get('data-action'):
             primary.props(f'data-action="{action}"')
             primary.text = BUTTONS[action][0] if action else ''
             primary.visible = bool(action)
         answers.text = '\n'.join(reversed(view.answers))
+
+    return update
+
+
+def _actions(state: PageState) -> Update:
+    """What else can be done, below the next step and the forecast."""
+    buttons: dict[str, _Button] = {}
+    with _card('Other actions'):
+        for group in GROUPS:
+            with ui.row().classes('gap-x-1 gap-y-0'):
+                buttons |= {name: _Button(name, *texts, partial(_press, state, name)) for name, texts in group.items()}
+
+    def update(view: View) -> None:
+        action = '' if view.guidance.action in view.refusals else view.guidance.action
+        for name, button in buttons.items():
+            button.show(view.refusals.get(name, ''), name == action)
+        buttons['push'].button.visible = view.can_push
+        buttons['record'].button.text = 'Stop recording' if view.is_recording else BUTTONS['record'][0]
 
     return update
 
@@ -189,11 +207,13 @@ def _health() -> Update:
 
 def _model() -> Update:
     with _card('Model'):
-        words = _text('text-body2 whitespace-pre-line', 'model', 5)
+        words = _text('text-body2 whitespace-pre-line', 'model', 4)
+        with ui.expansion('Equation').props('dense').classes('w-full'):
+            equation = _text('text-body2', 'equation', 1)
         charts = {name: ui.echart(curve_options(title)).classes('w-full h-48') for name, title in CURVES.items()}
 
     def update(view: View) -> None:
-        words.text = '\n'.join(view.model_words)
+        words.text, equation.text = '\n'.join(view.model_words), view.equation
         for name, chart in charts.items():
             if view.model:
                 _fill(chart, curve_series(view.model[name], view.model[f'measured_{name}']))

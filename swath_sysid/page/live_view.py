@@ -140,16 +140,20 @@ def model_words(record: LiveRecord, axis: str, verdict: str | None) -> list[str]
     models = list(record.models_before.get(axis, ()))
     if not models:
         return ['No model yet.', *last]
+    (_, cure), lines = verdict_of(models[-1]), list(reversed(history(models)))
+    return [lines[0], *filter(None, [cure]), *lines[1:], *last]
+
+
+def equation_words(record: LiveRecord, axis: str) -> str:
+    """The equation of the newest model of an axis, and the amplitudes that it was seen at."""
+    models = record.models_before.get(axis, ())
+    if not models:
+        return 'No model yet.'
     low, high = np.degrees(amplitudes(models[-1]))
     equation = models[-1].model.equation
     # the name of an equation without a published one is its terms
     terms = '' if equation.terms[0] in equation.name else f' ({", ".join(equation.terms)})'
-    return [
-        f'{equation.name}{terms}, seen from {low:.2g} to {high:.2g} deg',
-        ': '.join(filter(None, verdict_of(models[-1]))),
-        *reversed(history(models)),
-        *last,
-    ]
+    return f'{equation.name}{terms}, seen from {low:.2g} to {high:.2g} deg'
 
 
 def calm_words(record: LiveRecord, age: float = 0.0) -> str:

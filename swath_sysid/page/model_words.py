@@ -65,12 +65,14 @@ def gain(models: Sequence[IdentifiedModel]) -> str:
 
 
 def history(models: Sequence[IdentifiedModel]) -> list[str]:
-    """The models of an axis in words, the newest last."""
+    """The models of an axis in words, each with its verdict, the newest last."""
     lines = []
     for model in models:
         count, error = releases_in(model), error_of(model)
         fit = f'{count} release{"s" if count != 1 else ""}' if count else 'identified'
-        lines.append(f'{fit}: {described(model)}' + (f', next release within {error}' if error else ''))
+        lines.append(
+            f'{verdict_of(model)[0]}, {fit}: {described(model)}' + (f', next release within {error}' if error else '')
+        )
     return lines
 
 

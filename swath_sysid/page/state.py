@@ -63,6 +63,7 @@ class View:
     model: dict[str, list] = field(default_factory=dict)
     releases: list[str] = field(default_factory=list)
     model_words: list[str] = field(default_factory=list)
+    equation: str = ''
     refusals: dict[str, str] = field(default_factory=dict)
     can_push: bool = False
     calm: str = ''
@@ -92,6 +93,11 @@ class PageState:
         self._campaign: tuple[list, list] = [], []
         self._campaign_read = float('-inf')
 
+    @property
+    def axes(self) -> list[str]:
+        """The axes, that which is guided first."""
+        return sorted(AXES, key=lambda axis: axis != self._axis)
+
     def answer(self, line: str) -> None:
         """Show a line in all browsers."""
         self.answers.append(f'{datetime.now():%H:%M:%S} {line}')
@@ -112,6 +118,7 @@ class PageState:
             releases = live_view.releases_in_words(record.tried.get(self._axis, ()))
             guidance, verdict = self._guides[self._axis].look(facts), facts.text(IDENTIFICATION, 'last_verdict')
             is_said = bool(verdict) and of_axis(verdict, self._axis) in guidance.cure
+            equation = live_view.equation_words(record, self._axis)
             words = live_view.model_words(record, self._axis, None if is_said else verdict)
             valid = '' if age else live_view.valid_words(facts.statuses)
             unreadable = [(source, WARN, f'not shown: {why}') for source, why in record.unreadable.items()]
@@ -134,6 +141,7 @@ class PageState:
             *self._fit(facts.releases.get(self._axis), facts.model),
             releases,
             words,
+            equation,
             refusals(facts),
             facts.can_push,
             *waters,
