@@ -5,7 +5,7 @@
 
 The actuator answers after a pure delay, and its speed is limited.  At each step speeds are planned over the horizon
 such that the platform is least off level, and the first is sent.  Without a forecast to be trusted the plan is the
-present reading.
+present reading, and without a reading that changes it is level.
 """
 
 import argparse
@@ -24,6 +24,8 @@ DELAY = 0.4
 SPEED, STEPS, EFFORT = np.radians(8.0), 10, 0.02
 """rad/s; steps that are planned; weight of a change of speed beside an error, s."""
 LAG = DELAY + STEP
+SILENT = 1.0
+"""s without a new reading, after which there is none."""
 SETTINGS = ForecasterSettings(leads=(round(LAG, 3),), horizon=5.0)
 SUM, DIFFERENCE = np.tril(np.full((STEPS, STEPS), STEP)), np.eye(STEPS) - np.eye(STEPS, k=-1)
 
@@ -60,33 +62,37 @@ class Horizon:
 
 
 def speed_for(platform, wanted):
-    """The first of the speeds, rad/s, that bring a platform nearest to the wanted angles of the steps after the delay."""
+    """The first of the speeds, rad/s, that bring a platform nearest to what is wanted after the delay."""
     matrix = np.vstack([SUM, EFFORT * DIFFERENCE])
     before = EFFORT * platform.speed * np.eye(STEPS)[0]
     return lsq_linear(matrix, np.concatenate([wanted - platform.ahead(), before]), (-SPEED, SPEED)).x[0]
 
 
 def command(platform, time, reading, horizon):
-    """The speed to send at a time, s, with the reading of then, rad, and the newest `Horizon`, if there is any."""
+    """The speed to send at a time, s, with the reading of then, rad, and the newest `Horizon`, where there are any."""
     wanted = None if horizon is None else horizon.at(time + DELAY + STEP * np.arange(1, STEPS + 1))
-    return (reading - platform.ahead()) / STEP if wanted is None else speed_for(platform, wanted)
+    return ((reading or 0.0) - platform.ahead()) / STEP if wanted is None else speed_for(platform, wanted)
 
 
 def hold(trial, truth, steps):
     """Times, s, and what is left of the roll, {controlled by: rad}."""
     platforms = {name: Platform() for name in ('reading', 'reading and rate', 'forecast')}
     left, coming, horizon = {name: [] for name in platforms}, deque(steps), None
+    changed, before = trial.time[0], None
     for time, reading, rate, roll in zip(trial.time, trial.roll, trial.roll_rate, truth.roll, strict=True):
         while coming and coming[0].stamp <= time + 1e-6:
             step = coming.popleft()
             valid = step.outlook.valid_leads.get('roll', 0.0)
             horizon = Horizon(step.stamp, step.horizon.leads, step.horizon.angle('roll'), valid)
+        changed, before = (changed if reading == before else time), reading
         for name, platform in platforms.items():
             left[name].append(roll - platform.angle)
         platforms['reading'].send((reading - platforms['reading'].ahead()) / STEP)
         extrapolated = reading + LAG * rate - platforms['reading and rate'].ahead()
         platforms['reading and rate'].send(extrapolated / STEP)
-        platforms['forecast'].send(command(platforms['forecast'], time, reading, horizon))
+        platforms['forecast'].send(
+            command(platforms['forecast'], time, reading if time - changed < SILENT else None, horizon)
+        )
     return trial.time, {name: np.array(values) for name, values in left.items()}
 
 
@@ -120,7 +126,7 @@ def live(args=None):
 
     rclpy.init(args=args)
     node, platform = rclpy.create_node('steady_platform'), Platform()
-    heard = {'reading': None, 'valid': 0.0, 'horizon': None, 'calm': (np.inf, np.inf)}
+    heard = {'reading': None, 'at': -np.inf, 'valid': 0.0, 'horizon': None, 'calm': (np.inf, np.inf)}
     angle, unlocked = (
         node.create_publisher(Float64, 'platform/angle', 1),
         node.create_publisher(Bool, 'platform/unlocked', 1),
@@ -131,7 +137,7 @@ def live(args=None):
 
     def on_next(message):
         turn = message.orientation
-        heard['reading'] = euler_angles(turn.x, turn.y, turn.z, turn.w)[0]
+        heard['reading'], heard['at'] = euler_angles(turn.x, turn.y, turn.z, turn.w)[0], seconds(message.header.stamp)
 
     def on_outlook(message):
         heard['valid'] = dict(zip(message.name, message.position, strict=True)).get('valid_lead.roll', 0.0)
@@ -150,8 +156,8 @@ def live(args=None):
 
     def on_step():
         now = node.get_clock().now().nanoseconds / SECOND_NS
-        if heard['reading'] is not None:
-            platform.send(command(platform, now, heard['reading'], heard['horizon']))
+        reading = heard['reading'] if now - heard['at'] < SILENT else None
+        platform.send(command(platform, now, reading, heard['horizon']))
         angle.publish(Float64(data=float(platform.angle)))
         unlocked.publish(Bool(data=bool(heard['calm'][0] <= now <= heard['calm'][1])))
 

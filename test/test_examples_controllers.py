@@ -81,6 +81,7 @@ def test_the_platform_answers_after_its_delay_at_its_speed_and_falls_back_withou
     assert steady.command(platform, 0.0, 9.0, near) == pytest.approx(0.2 * steady.SPEED, rel=0.5)
     for horizon, time in ((None, 0.0), (near, 6.0), (steady.Horizon(0.0, leads, 0.0 * leads, 0.1), 0.0)):
         assert steady.command(platform, time, 0.3, horizon) == (0.3 - platform.ahead()) / steady.STEP
+        assert steady.command(platform, time, None, horizon) == -platform.ahead() / steady.STEP
 
 
 @pytest.mark.long

@@ -48,7 +48,7 @@ def estimate_mounting(trial: Trial, pushed: str) -> MountingEstimate:
     swing = np.linalg.norm(up - np.median(up, axis=0), axis=1).max()
     if swing < SMALLEST_PUSH:
         raise InputError(
-            f'{trial.source} shows no push, but at most {np.degrees(swing):.1f} deg: push the {pushed} down by some degrees'
+            f'{trial.source} shows no push, but at most {np.degrees(swing):.1f} deg: push the {pushed} down further'
         )
     first = up[time < time[0] + _REST].mean(axis=0)
     away = np.linalg.norm(up - first / np.linalg.norm(first), axis=1)
