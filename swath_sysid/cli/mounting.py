@@ -4,7 +4,7 @@ from argparse import Namespace
 
 import numpy as np
 
-from swath_sysid.attitude.motion.attitude import Installation, euler_angles, in_degrees, multiply, quaternion
+from swath_sysid.attitude.motion.attitude import Installation, euler_angles, in_degrees, turn_in_craft
 from swath_sysid.attitude.motion.mounting_estimate import estimate_mounting
 from swath_sysid.cli.progress import print_result
 from swath_sysid.cli.sources import read_record
@@ -16,10 +16,8 @@ def run(arguments: Namespace) -> int:
     given = Namespace(**vars(arguments), mounting=(0.0, 0.0, 0.0), params_file=None)
     found = estimate_mounting(read_record(arguments.record, given), arguments.pushed)
     angles = in_degrees(found.angles, 1)
-    turn = Installation('flu', found.angles).rotation
-    # the frame that an frd driver names has its own x axis forward and z axis down
-    frame = turn if arguments.frame != 'frd' else multiply(turn, quaternion(np.pi, 0.0, 0.0))
-    urdf = ' '.join(f'{angle:.4f}' for angle in map(float, euler_angles(*frame)))
+    turn = turn_in_craft(Installation(arguments.frame or 'flu', found.angles))
+    urdf = ' '.join(f'{angle:.4f}' for angle in map(float, euler_angles(*turn)))
     text = ','.join(f'{angle:g}' for angle in angles)
     data = {
         'mounting_deg': angles,

@@ -19,7 +19,7 @@ from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.topics import IMU, STRING, TYPES, WINDOW_TOPIC
+from swath_sysid.formats.topics import IMU, STRING, TRANSFORMS, TYPES, WINDOW_TOPIC
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -96,6 +96,11 @@ def frame_tree(message: Any) -> FrameTree:
         parts = float(turn.x), float(turn.y), float(turn.z), float(turn.w)
         frames[each.child_frame_id.lstrip('/')] = each.header.frame_id.lstrip('/'), parts
     return frames
+
+
+def transform_message(stamp_ns: int, parent: str, child: str, turn: Quaternion) -> bytes:
+    """A tf2_msgs/TFMessage with the orientation of one frame in another."""
+    return serialised(make(TRANSFORMS, [(header(stamp_ns, parent), child, ((0.0, 0.0, 0.0), turn))]))
 
 
 def header(stamp_ns: int, frame_id: str) -> tuple:

@@ -6,14 +6,22 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rclpy.task import Future
+from sensor_msgs.msg import Imu
 
+from swath_sysid.attitude.motion.attitude import turn_in_craft
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.messages import transform_message
 from swath_sysid.formats.output_bag import Recording, is_ours
-from swath_sysid.formats.topics import is_within
+from swath_sysid.formats.topics import STATIC_FRAMES, TRANSFORMS, is_within
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD, OF_ROS, events_executor, run
+from swath_sysid.nodes.parameters.settings import installation
 from swath_sysid.nodes.parameters.table import NODES
 from swath_sysid.nodes.qos import BAG_DEPTH, IMU_TOPIC, IMU_TYPE, bag_qos, message_class
 from swath_sysid.pipeline.health import DISCOVERY
@@ -37,6 +45,9 @@ class Record(Node):
         self._look()
         self.create_timer(LOOK_PERIOD, self._look, clock=steady)
         self.create_timer(SAVE_PERIOD, partial(self._attempt, recording.save), clock=steady)
+        self._buffer = self.create_client(GetParameters, 'imu_buffer/get_parameters')
+        self._asked: Future | None = None
+        self._frame_id = ''  #: Of the sensor.
         self._first_report = self.create_timer(DISCOVERY, self._report, clock=steady)
 
     def destroy_node(self) -> None:
@@ -55,6 +66,7 @@ class Record(Node):
             publishers = [p for p in self.get_publishers_info_by_topic(topic) if p.topic_type == wanted[topic]]
             if publishers and message_class(wanted[topic]) is not None:
                 self._subscribe(topic, wanted[topic], [publisher.qos_profile for publisher in publishers])
+        self._note_mounting()
         if added := sorted(self._subscribed.keys() - before):
             self.get_logger().info(f'recording {", ".join(added)}')
 
@@ -73,6 +85,23 @@ class Record(Node):
         self._sensors = {topic for topic, kind in heard.items() if kind == IMU_TYPE} or self._sensors
         return heard | published
 
+    def _note_mounting(self) -> None:
+        """Write the mounting that imu_buffer has by parameter, as the transform that the verbs read."""
+        if not self._frame_id or STATIC_FRAMES in self._subscribed:
+            return
+        if self._asked is None:
+            if self._buffer.service_is_ready():
+                self._asked = self._buffer.call_async(
+                    GetParameters.Request(names=['frame', 'mounting_deg', 'frame_id'])
+                )
+        elif self._asked.done() and STATIC_FRAMES not in self._recording.counts:
+            frame, angles, craft = map(parameter_value_to_python, self._asked.result().values)
+            mount = installation({'frame': frame, 'mounting_deg': list(angles)})
+            if mount.mounting is not None and self._frame_id != craft:
+                write = self._recording.add_topic(STATIC_FRAMES, TRANSFORMS, True, True)
+                now_ns = self.get_clock().now().nanoseconds
+                self._write(write, transform_message(now_ns, craft, self._frame_id, turn_in_craft(mount)))
+
     def _report(self) -> None:
         """Once, when everything that is there has been found."""
         self._first_report.cancel()
@@ -86,6 +115,10 @@ class Record(Node):
                 f'no message on {" and ".join(names)}: start what publishes it, or name the topic of the sensor with '
                 '--topic'
             )
+
+    def _write_imu(self, write: Callable[[int, bytes], None], raw: Any) -> None:
+        self._frame_id = self._frame_id or deserialize_message(raw, Imu).header.frame_id
+        self._write(write, raw)
 
     def _write(self, write: Callable[[int, bytes], None], raw: Any) -> None:
         self._attempt(partial(write, self.get_clock().now().nanoseconds, raw))
@@ -102,9 +135,12 @@ class Record(Node):
         """With the strictest QoS that every publisher offers."""
         latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
         reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
-        write = partial(self._write, self._recording.add_topic(topic, kind, latched, reliable))
+        write = self._recording.add_topic(topic, kind, latched, reliable)
+        take = self._write_imu if topic in self._sensors and kind == IMU_TYPE else self._write
         qos = bag_qos(latched, reliable, LATCHED_DEPTH if latched else BAG_DEPTH)
-        self._subscribed[topic] = self.create_subscription(message_class(kind), topic, write, qos, raw=True)
+        self._subscribed[topic] = self.create_subscription(
+            message_class(kind), topic, partial(take, write), qos, raw=True
+        )
 
 
 def record(path: str | Path, others: Sequence[str] = (), args: list[str] | None = None) -> tuple[int, dict[str, int]]:

@@ -285,6 +285,12 @@ def mounting_in(tree: FrameTree, sensor: str, craft: str, frame: str = 'flu') ->
     return roll, pitch, yaw
 
 
+def turn_in_craft(installation: Installation) -> Quaternion:
+    """The orientation of a sensor's frame in the craft's, as a transform states it: the inverse of `mounting_in`."""
+    turn = installation.rotation
+    return turn if installation.frame == 'flu' else multiply(turn, quaternion(np.pi, 0.0, 0.0))
+
+
 def _in_root(tree: FrameTree, name: str) -> tuple[str, Quaternion]:
     """The root above a frame, and the orientation of the frame in it."""
     turn: Quaternion = (0.0, 0.0, 0.0, 1.0)
