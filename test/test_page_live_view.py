@@ -2,6 +2,7 @@
 
 from contextlib import nullcontext
 from dataclasses import replace
+from datetime import datetime
 from types import SimpleNamespace
 
 import numpy as np
@@ -80,6 +81,26 @@ def test_the_forecast_stands_behind_now_with_its_intervals_and_is_kept_until_it_
         _, low, high = band[0]
         assert [low, high] == pytest.approx(np.degrees([0.1 - width * 0.02, 0.1 + width * 0.02]), abs=1e-3)
     assert len(motion_series(chart)) == len(motion_options('deg')['series'])
+
+
+def test_models_are_listed_by_date_and_verdict_and_a_rollback_brings_one_back_to_the_top():
+    record, hull = LiveRecord(), hull_named('swath-roll').model
+    record.install(Installation())
+    verdicts = {'adequate': {'verdict': 'adequate'}, 'doubtful': {'verdict': 'doubtful', 'verdict_sentence': 'again'}}
+    models = {name: IdentifiedModel(hull, np.zeros((5, 5)), 0.0, metrics=metrics) for name, metrics in verdicts.items()}
+    dates = []
+    for day, model in enumerate(models.values()):
+        stamp_ns = EPOCH_NS + day * 86_400_000_000_000
+        record.add_reading(reading(stamp_ns))
+        record.set_models({'roll': model})
+        dates.append(f'{datetime.fromtimestamp(stamp_ns / 1e9):%Y-%m-%d %H:%M}')
+    shown = view.model_words(record, 'roll', None)
+    assert shown[0].startswith(f'{dates[1]}, doubtful, ') and shown[1] == 'again'
+    assert shown[2].startswith(f'{dates[0]}, adequate, ')
+    record.set_models({'roll': models['adequate']})
+    shown = view.model_words(record, 'roll', None)
+    assert [line.split(',')[0] for line in shown] == dates
+    assert 'b2' in view.equation_words(record, 'roll') and not any('b2' in line for line in shown)
 
 
 def test_memory_does_not_grow_and_of_a_fast_sensor_25_samples_a_second_are_kept():

@@ -67,4 +67,4 @@ class Transforms:
     def _tell(self, found: AwaitedMounting) -> None:
         self._log.info(found.described)
         self._is_waiting = False
-        self._parameters.mount(np.degrees(found.mounting).tolist())
+        self._parameters.mount(np.degrees(np.array(found.mounting)).tolist())

@@ -104,6 +104,7 @@ class LiveRecord:
         self.checked: dict[str, deque[tuple[float, float, float]]] = {}
         self.models: dict[str, IdentifiedModel] = {}
         self.models_before: dict[str, deque[IdentifiedModel]] = {}
+        self.stamps_of_models: dict[str, deque[float]] = {}  #: s; when each came, 0 before the first sample.
         self.releases: dict[str, Release] = {}
         #: The last releases of each axis, with the models up to the one that came after it.
         self.tried: dict[str, deque[tuple[Release, tuple[IdentifiedModel, ...]]]] = {}
@@ -160,14 +161,21 @@ class LiveRecord:
         """Set the published models; an axis without one has none any more."""
         for axis in AXES:
             before = self.models_before.setdefault(axis, deque(maxlen=MOST_DECAYS))
+            stamps = self.stamps_of_models.setdefault(axis, deque(maxlen=MOST_DECAYS))
             if axis not in models:
                 before.clear()
+                stamps.clear()
             elif models[axis] in before:
                 # a rollback, or one that was undone
-                before.remove(models[axis])
-                before.append(models[axis])
+                place = before.index(models[axis])
+                each: deque
+                for each in (before, stamps):
+                    again = each[place]
+                    del each[place]
+                    each.append(again)
             else:
                 before.append(models[axis])
+                stamps.append(self.stamp)
                 self._model_came[axis] = self.stamp
                 self._credit(axis)
         self.models = dict(models)

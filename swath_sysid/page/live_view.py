@@ -140,7 +140,7 @@ def model_words(record: LiveRecord, axis: str, verdict: str | None) -> list[str]
     models = list(record.models_before.get(axis, ()))
     if not models:
         return ['No model yet.', *last]
-    (_, cure), lines = verdict_of(models[-1]), list(reversed(history(models)))
+    (_, cure), lines = verdict_of(models[-1]), history(models, record.stamps_of_models[axis])[::-1]
     return [lines[0], *filter(None, [cure]), *lines[1:], *last]
 
 

@@ -1,7 +1,8 @@
 """An identified model in words: its numbers, its verdict, and the gain from each release."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from datetime import datetime
 from math import isfinite
 
 import numpy as np
@@ -64,15 +65,15 @@ def gain(models: Sequence[IdentifiedModel]) -> str:
     return error and f'next release within {error}' + (f' ({before} before)' if before else '')
 
 
-def history(models: Sequence[IdentifiedModel]) -> list[str]:
-    """The models of an axis in words, each with its verdict, the newest last."""
+def history(models: Sequence[IdentifiedModel], stamps: Iterable[float]) -> list[str]:
+    """The models of an axis in words, each with its date, unless that is 0, and verdict; the newest last."""
     lines = []
-    for model in models:
+    for model, stamp in zip(models, stamps, strict=True):
         count, error = releases_in(model), error_of(model)
+        date = f'{datetime.fromtimestamp(stamp):%Y-%m-%d %H:%M}, ' if stamp else ''
         fit = f'{count} release{"s" if count != 1 else ""}' if count else 'identified'
-        lines.append(
-            f'{verdict_of(model)[0]}, {fit}: {described(model)}' + (f', next release within {error}' if error else '')
-        )
+        within = f', next release within {error}' if error else ''
+        lines.append(f'{date}{verdict_of(model)[0]}, {fit}: {described(model)}{within}')
     return lines
 
 
