@@ -41,13 +41,13 @@ class Record(Node):
         self._others = {f'/{topic.strip("/")}' for topic in others}
         self._sensors = {self.resolve_topic_name(IMU_TOPIC)}
         self._subscribed: dict[str, Any] = {}
+        self._buffer = self.create_client(GetParameters, 'imu_buffer/get_parameters')
+        self._asked: Future | None = None
+        self._frame_id = ''  #: Of the sensor.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._look()
         self.create_timer(LOOK_PERIOD, self._look, clock=steady)
         self.create_timer(SAVE_PERIOD, partial(self._attempt, recording.save), clock=steady)
-        self._buffer = self.create_client(GetParameters, 'imu_buffer/get_parameters')
-        self._asked: Future | None = None
-        self._frame_id = ''  #: Of the sensor.
         self._first_report = self.create_timer(DISCOVERY, self._report, clock=steady)
 
     def destroy_node(self) -> None:
