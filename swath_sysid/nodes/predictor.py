@@ -146,10 +146,10 @@ class Predictor(Node):
 
     def _on_parameters(self, settings: PipelineSettings) -> None:
         before, settings = self.pipeline.settings, self.upstream.settings(settings)
-        limits = settings.forecaster.quiescence
-        if settings != replace(before, forecaster=replace(before.forecaster, quiescence=limits)):
+        others = [replace(each, forecaster=replace(each.forecaster, quiescence=None)) for each in (before, settings)]
+        if others[0] != others[1]:
             self._begin_anew(settings)
-        self.pipeline.forecaster.set_quiescence(limits)
+        self.pipeline.forecaster.set_quiescence(settings.forecaster.quiescence)
         self._load()
 
     def _begin_anew(self, settings: PipelineSettings) -> None:
