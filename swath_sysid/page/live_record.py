@@ -4,6 +4,7 @@ import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -168,11 +169,8 @@ class LiveRecord:
             elif models[axis] in before:
                 # a rollback, or one that was undone
                 place = before.index(models[axis])
-                each: deque
-                for each in (before, stamps):
-                    again = each[place]
-                    del each[place]
-                    each.append(again)
+                before.append(_taken(before, place))
+                stamps.append(_taken(stamps, place))
             else:
                 before.append(models[axis])
                 stamps.append(self.stamp)
@@ -227,3 +225,10 @@ class LiveRecord:
             self.is_kept,
             self.can_push,
         )
+
+
+def _taken(line: deque, place: int) -> Any:
+    """Take out what is at a place."""
+    found = line[place]
+    del line[place]
+    return found
