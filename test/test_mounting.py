@@ -12,7 +12,7 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel, check_mounting
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
-from swath_sysid.attitude.motion.attitude import Installation, mounting_in
+from swath_sysid.attitude.motion.attitude import Installation, mounting_in, turn_in_craft
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import convert
 from swath_sysid.attitude.motion.trial import Trial
@@ -20,7 +20,7 @@ from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import ImuRecord, imu_values
 from swath_sysid.formats.identify_records import identify, write_model
-from swath_sysid.formats.messages import ImuMessage, frame_tree, header, make, serialised
+from swath_sysid.formats.messages import ImuMessage, frame_tree, header, make, serialised, transform_message, typestore
 from swath_sysid.formats.model_file import model_to_yaml
 from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.reading import read_trial
@@ -309,6 +309,16 @@ def test_live_the_predictor_takes_the_transform_and_then_rejects_a_model_of_anot
     # the same by hand
     assert spun.set_to(node, mounting_deg=[0.0, 0.0, 45.0]) == ['']
     assert np.allclose(node.pipeline.settings.installation.mounting, (0.0, 0.0, np.radians(45.0)))
+
+
+@pytest.mark.parametrize('frame', ['flu', 'frd'])
+def test_a_recorded_transform_states_the_mounting_of_the_parameter(frame):
+    for mounting in ROTATIONS:
+        stated = Installation(frame, tuple(np.radians(mounting)))
+        raw = transform_message(1, 'base_link', 'imu', turn_in_craft(stated))
+        sent = typestore().deserialize_cdr(raw, TRANSFORMS)
+        found = np.degrees(mounting_in(frame_tree(sent), 'imu', 'base_link', frame))
+        assert (matrix_of(found) * matrix_of(mounting).inv()).magnitude() < 1e-6
 
 
 def test_frames_are_followed_through_a_tree_and_what_is_not_connected_states_nothing():
