@@ -197,8 +197,8 @@ def spun(monkeypatch):
     monkeypatch.setattr(transforms, 'message_class', lambda kind: Empty)
     nodes = []
 
-    def made(kind, **parameters):
-        rclpy.init()
+    def made(kind):
+        rclpy.init(args=['--ros-args', '-r', '__ns:=/spun'])
         nodes.append(kind())
         return nodes[-1]
 
