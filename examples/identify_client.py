@@ -4,6 +4,7 @@ python examples/identify_client.py                                  beside swath
 python examples/identify_client.py --ros-args -r __ns:=/boat1       of the nodes of a namespace
 """
 
+import signal
 import sys
 
 import rclpy
@@ -37,7 +38,8 @@ def identify(node, wait_s=10.0):
 
 def main():
     """Print the answer; returns 0 where a model was published, else 1."""
-    # a Ctrl-C must leave the node alive, to cancel
+    # a Ctrl-C must leave the node alive, to cancel; a script may have started this with Ctrl-C ignored
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('identify_client')
     try:
