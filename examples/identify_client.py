@@ -25,7 +25,9 @@ def identify(node, wait_s=10.0):
     node.create_subscription(Float32, 'identifier/progress', show, 10)
     answer = ask.call_async(Trigger.Request())
     try:
-        rclpy.spin_until_future_complete(node, answer)
+        while not answer.done():
+            # a wait without end would hear Ctrl-C with the next message only
+            rclpy.spin_once(node, timeout_sec=0.2)
     except KeyboardInterrupt:
         # it answers the first call, too: that it was cancelled
         rclpy.spin_until_future_complete(node, cancel.call_async(Trigger.Request()), timeout_sec=wait_s)
