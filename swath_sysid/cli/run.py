@@ -28,7 +28,7 @@ from swath_sysid.nodes.parameters.sections import OPTION, Section, sections_of
 from swath_sysid.nodes.parameters.table import NODES, defaults, node_module
 from swath_sysid.share import share_folder
 
-OWN_TRIGGERS = 'clear publish_window identify cancel rollback undo_rollback release'.split()
+OWN_TRIGGERS = 'clear publish_window identify cancel rollback undo_rollback release save_memory'.split()
 #: Types of what the nodes do not publish themselves, and of services.
 OTHER_TYPES = {
     'craft/loading': 'std_msgs/msg/Float64',
@@ -40,6 +40,7 @@ OTHER_TYPES = {
 }
 DIRECTIONS = {'publish': 'publishes', 'subscribe': 'subscribes to', 'reply': 'serves', 'request': 'calls'}
 LOOK_S = 0.2  #: Between looks whether the page still runs.
+SEA_MEMORY = 'sea_memory'  #: The predictor's parameter; with --model, a file beside the model.
 MODEL_PARAMETERS = {'identifier': 'model_path', **handed_in('model_parameters')}
 OPEN_TO_THE_SUBNET = (
     'note: other machines of this subnet can use these nodes; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST keeps them here'
@@ -186,6 +187,9 @@ def ros_arguments(arguments: Namespace) -> list[str]:
             check_outputs([Output('--model', path)])
         # for every node, because `identifier:` before it would leave out those in a namespace
         given += ['-p', f'{MODEL_PARAMETERS[node]}:={_quoted(arguments.model)}']
+        stated = {name for each in sections if each.holds_for(names['predictor']) for name in each.parameters}
+        if not arguments.only and SEA_MEMORY not in stated:
+            given += ['-p', f'{SEA_MEMORY}:={_quoted(str(path.with_suffix(".sea.npz")))}']
     if arguments.mounting:
         given += ['-p', f'mounting_deg:={[round(math.degrees(angle), 6) for angle in arguments.mounting]}']
     given += remappings(arguments)

@@ -19,6 +19,7 @@ from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, EachOnce
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.forecast_publishers import forecast_publishers
 from swath_sysid.nodes.inbox import PacedInbox
+from swath_sysid.nodes.kept_sea import KeptSea
 from swath_sysid.nodes.kernels import KernelLoading
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
@@ -47,6 +48,7 @@ class Predictor(Node):
         self.upstream = Upstream(self, self.parameters['upstream'], depth)
         self.pipeline = ForecastPipeline(self.upstream.settings(self.parameters.settings))
         self.health = PredictorHealth(self.resolve_topic_name(qos.IMU_TOPIC), self.pipeline)
+        self._sea_file = KeptSea(self, self.parameters['sea_memory'], self.pipeline, self.health)
         self._kernels = KernelLoading(warm_up, self, self.health)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), in_step)
         self._messages, self._publisher_of, self._wanted = forecast_publishers(self, self.parameters, self.health)
@@ -63,10 +65,11 @@ class Predictor(Node):
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
     def destroy_node(self) -> None:
-        """Also end the workers and the intake."""
+        """Also end the workers and the intake, and keep what was learnt of the sea."""
         self._kernels.close()
         self.sea.close()
         self._intake.close()
+        self._sea_file.keep()
         super().destroy_node()
 
     @property

@@ -27,6 +27,7 @@ from swath_sysid.attitude.prediction.forecaster import (
     ForecastStep,
 )
 from swath_sysid.attitude.prediction.sea_fit import SeaFit
+from swath_sysid.attitude.prediction.sea_memory import SeaMemory
 from swath_sysid.common.conditions import codes_in
 from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError
@@ -81,6 +82,7 @@ class ForecastPipeline:
         self.used = 0
         self.intake = intake.Intake(self.settings.installation, self.settings.stamps)
         self.models: dict[str, IdentifiedModel | None] = dict.fromkeys(AXES)  #: By axis.
+        self._remembered: SeaMemory | None = None
         self._first_ns: int | None = None
         self._since_used = self._left_out = 0
         self.newest_ns = 0  #: Stamp of the newest message; 0 before any.
@@ -93,6 +95,18 @@ class ForecastPipeline:
             if model != self.models[axis]:
                 self.models[axis] = model
                 self.forecaster.set_model(axis, model)
+
+    @checked
+    def remember(self, memory: SeaMemory | None) -> None:
+        """Forecast from the first sample on as what an earlier start has learnt of the sea; one of another craft or sea
+        is dropped as soon as its forecasts are worse.
+        """
+        self._remembered = self.forecaster.memory = memory
+
+    @property
+    def memory(self) -> SeaMemory | None:
+        """What is known of the sea, for `remember` at the next start; None before enough is."""
+        return self.forecaster.memory
 
     @checked
     def install(self, fit: SeaFit) -> None:
@@ -177,6 +191,7 @@ class ForecastPipeline:
     def _begin_again(self) -> None:
         """Forget what was learnt from stamps that were no times of samples."""
         self.forecaster, self._first_ns = Forecaster(self.settings.forecaster), None
+        self.forecaster.memory = self._remembered
         for axis, model in self.models.items():
             if model is not None:
                 self.forecaster.set_model(axis, model)

@@ -17,6 +17,7 @@ from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.rows import AT_ONCE, RowClock
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
+from swath_sysid.attitude.prediction.sea_memory import MEMORY
 from swath_sysid.attitude.prediction.state_space import (
     STRAIN_TIME,
     InnovationsFilter,
@@ -37,7 +38,7 @@ from swath_sysid.common.conventions import NEGLIGIBLE, THREE_STD
 
 HULL, LIBRARY, LEVEL = 'hull-filter', 'sea-library', 'mean'
 #: Weights where errors do not distinguish them: largest for the one with the most information.
-CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, LEVEL: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
+CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, LEVEL: 1.0, MEMORY: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 

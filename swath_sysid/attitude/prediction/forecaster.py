@@ -36,7 +36,9 @@ from swath_sysid.attitude.prediction.rows import (
     resampled,
 )
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, SPARSE, WAVES, SeaFit, SeaRequest, newest_motion
+from swath_sysid.attitude.prediction.sea_memory import MEMORY, SeaMemory
 from swath_sysid.attitude.prediction.sea_state import SeaReport
+from swath_sysid.attitude.prediction.state_space import InnovationsModel
 from swath_sysid.attitude.prediction.time_scale import TimeScale, period_of
 from swath_sysid.attitude.prediction.unmeasured_angle import Gravity
 from swath_sysid.attitude.prediction.upstream import UpstreamRows
@@ -61,6 +63,10 @@ _SAME_LEAD = 1e-6  # s
 
 #: Of a past, after which what is learnt of it is learnt anew; periods at most and, for the first forecasts, at least.
 _REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 6.2
+
+
+#: Periods of a past that teach as much of a sea as a longer one.
+_WELL_LEARNT = 100.0
 
 
 @checked
@@ -164,6 +170,7 @@ class Forecaster:
         self._bank: Bank | None = None
         self._first: CraftSample | None = None
         self._waiting: SeaFit | None = None
+        self.memory: SeaMemory | None = None  #: What a longer past has taught.
 
     # -- models and fits
 
@@ -321,6 +328,8 @@ class Forecaster:
         before = self._clock.step
         if before != before:
             self._scale.expect(self._clock.interval)
+            if self.memory is not None:
+                self._scale.know(self.memory.period)
         if self._clock.is_laid_out_for(self._scale.period):
             if self._clock.corrected():
                 self._begin_rows()
@@ -370,6 +379,8 @@ class Forecaster:
             axis.set_period(self._clock.period)
         bank.set_period(self._clock.period)
         bank.begin(self._newest(2 * MAX_LAGS))
+        if self.memory is not None and self.memory.is_for(self._clock.step):
+            bank.use(MEMORY, self.memory.candidate(self._clock.step), self._newest(2 * MAX_LAGS))
 
     def _take_row(self, bank: Bank, steps: int, stamp: float, row: list[float]):
         """Take the next row, the given number of steps after the one before."""
@@ -473,6 +484,8 @@ class Forecaster:
                 bank.renew(name)
             bank.use(name, model, self._newest(2 * SPARSE * MAX_LAGS))
             self._has_waves = True
+        if WAVES in fit.waves:
+            self._remember(bank, fit.waves[WAVES], fit.time)
         if fit.upstream:
             bank.use_upstream(fit.upstream, self._newest(), self._time, 0.5 * self.settings.window * self._clock.period)
         if WAVES in fit.waves:
@@ -487,6 +500,13 @@ class Forecaster:
         if fit.sea is not None:
             self._sea_state_due += SEA_STATE_INTERVAL
         return fit.sea
+
+    def _remember(self, bank: Bank, waves: InnovationsModel, time: float) -> None:
+        """Keep a fit of a past up to a time, s, as the memory where it is as long; the old one has served then."""
+        periods = min(self.settings.window, (time - self._rows_begun) / self._clock.period)
+        if periods >= min(_WELL_LEARNT, self.memory.periods if self.memory else 0.0):
+            self.memory = SeaMemory(self._clock.period, periods, waves)
+            bank.spaces.pop(MEMORY, None)
 
     # -- forecasts
 

@@ -67,6 +67,10 @@ class TimeScale:
         self._usual = max(USUAL_PERIOD, _LEAST_SAMPLES * interval)
         self.period = min(self._usual, ROWS_A_PERIOD * interval)
 
+    def know(self, period: float) -> None:
+        """Begin with the period, s, of a motion that is remembered."""
+        self.period = period
+
     def is_due(self, age: float) -> bool:
         """Whether to look again after so many s of samples."""
         if self._due != self._due:
