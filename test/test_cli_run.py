@@ -34,9 +34,15 @@ def test_what_is_asked_for_is_handed_on_and_nothing_else(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path('p.yaml').write_text('/**: {ros__parameters: {use_sim_time: true}}')
     words = '--params-file p.yaml --model m.yaml --namespace /craft/ --imu-topic /sensor/imu --use-sim-time'
-    ros = "--params-file p.yaml -p model_path:='m.yaml' -r __ns:=/craft -r imu/data:=/sensor/imu -p use_sim_time:=true"
+    ros = "--params-file p.yaml -p model_path:='m.yaml' -p sea_memory:='m.sea.npz' "
+    ros += '-r __ns:=/craft -r imu/data:=/sensor/imu -p use_sim_time:=true'
     given = '-p seed:=2 --log-level warn'
     assert run.ros_arguments(parsed(*f'{words} --ros-args {given}'.split())) == f'{ros} {given}'.split()
+    # where a memory of the sea is named, or none is wanted, it is not that beside the model
+    assert run.ros_arguments(parsed(*"--model m.yaml --ros-args -p predictor:sea_memory:=''".split()))[:2] == [
+        '-p',
+        "model_path:='m.yaml'",
+    ]
     # ROS takes values for YAML: 12 would be a number, and what follows a # a comment
     for node, parameter in run.MODEL_PARAMETERS.items():
         arguments = parsed('--only', node, '--model', "o'brien's boat #2.yaml")
