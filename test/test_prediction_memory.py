@@ -122,6 +122,13 @@ def test_a_shorter_past_replaces_no_memory(buoy):
     assert played(later, memory)[0].memory is memory and played(later)[0].memory is None
 
 
+def test_other_settings_leave_the_memory(buoy):
+    pipeline = ForecastPipeline(SETTINGS)
+    pipeline.remember(buoy[1])
+    pipeline.begin_anew(PipelineSettings())
+    assert pipeline.memory is buoy[1]
+
+
 def test_a_memory_is_written_and_read_to_the_last_bit(buoy, tmp_path):
     memory, path = buoy[1], tmp_path / 'craft.sea.npz'
     write_sea_memory(memory, path)

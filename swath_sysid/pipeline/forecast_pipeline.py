@@ -181,7 +181,8 @@ class ForecastPipeline:
         self._left_out += 1
 
     def begin_anew(self, settings: PipelineSettings) -> None:
-        """Forecast with other settings, and learn the sea anew; the models stay."""
+        """Forecast with other settings, and learn the sea anew; the models and what is remembered of the sea stay."""
+        self._remembered = self.forecaster.memory
         if settings.installation != self.settings.installation:
             self.installation = InstallationCheck(settings.installation)
             self.intake = intake.Intake(settings.installation, settings.stamps)
