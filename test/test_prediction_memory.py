@@ -10,7 +10,7 @@ from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.rows import CHANNELS
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
-from swath_sysid.attitude.prediction.sea_memory import SeaMemory
+from swath_sysid.attitude.prediction.sea_memory import SeaMemory, at_step
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel
 from swath_sysid.attitude.prediction.variate_analysis import identify
 from swath_sysid.common.errors import InputError
@@ -22,7 +22,7 @@ from swath_sysid.share import share_folder
 
 LEADS = (0.3, 0.5, 1.0)
 SETTINGS = PipelineSettings(forecaster=ForecasterSettings(leads=LEADS, horizon=1.0))
-STEP = 0.1
+STEP, PERIOD = 0.1, 3.0
 YOUNG = 7.0
 """s in which a start knows little of the sea: some two periods."""
 
@@ -43,12 +43,15 @@ def played(trial, memory=None):
     return pipeline, np.array(errors)
 
 
+def rows_of(trial):
+    """The rows of a trial with a sample a row."""
+    return np.column_stack([trial.channels.get(name, np.full(trial.time.size, np.nan)) for name in CHANNELS])
+
+
 def taught(trial):
-    """What a trial with a sample a row teaches."""
-    rows = np.column_stack([trial.channels.get(name, np.full(trial.time.size, np.nan)) for name in CHANNELS])
-    period = 3.0
-    waves = identify(rows, CHANNELS, STEP, period)
-    return SeaMemory(period, (trial.time[-1] - trial.time[0]) / period, waves)
+    """What a trial teaches."""
+    waves = identify(rows_of(trial), CHANNELS, STEP, PERIOD)
+    return SeaMemory(PERIOD, (trial.time[-1] - trial.time[0]) / PERIOD, waves)
 
 
 @pytest.fixture(scope='module')
@@ -67,15 +70,28 @@ def oscillators():
     return InnovationsModel(AXES, (0, 1), 0.1, np.zeros(2), np.ones(2), a, k, c, np.eye(2) / 36.0, np.eye(4))
 
 
-def test_the_level_of_a_memory_is_that_of_the_day():
-    """Rows with another level are forecast as those without it, once a few periods have shown it, and as surely."""
-    model, rng = oscillators(), np.random.default_rng(1)
-    state, rows = np.zeros(4), []
-    for _ in range(400):
-        e = rng.normal(size=2) / 6.0
+def motion_of(model, count, seed=1):
+    """Rows (N, C) that a model makes."""
+    rng, state, rows = np.random.default_rng(seed), np.zeros(len(model.a)), []
+    for e in rng.normal(size=(count, len(model.c))) @ np.linalg.cholesky(model.s).T:
         rows.append(model.c @ state + e)
         state = model.a @ state + model.k @ e
-    rows, level = np.array(rows), np.array([0.8, -0.5])
+    return np.array(rows)
+
+
+def lagged(model, lag):
+    """Covariance of rows so many apart, by a sum over all innovations before them."""
+    responses, power = [np.eye(len(model.c))], model.k
+    for _ in range(600):
+        responses.append(model.c @ power)
+        power = model.a @ power
+    return sum(later @ model.s @ now.T for later, now in zip(responses[lag:], responses, strict=False))
+
+
+def test_the_level_of_a_memory_is_that_of_the_day():
+    """Rows with another level are forecast as those without it, once a few periods have shown it, and as surely."""
+    model, level = oscillators(), np.array([0.8, -0.5])
+    rows = motion_of(model, 400)
     leads = np.array([0.1, 0.4, 1.0])
     of_model = InnovationsFilter(model, AXES, 2.0)
     of_memory = InnovationsFilter(SeaMemory(2.0, 200.0, model).candidate(0.1), AXES, 2.0)
@@ -89,6 +105,33 @@ def test_the_level_of_a_memory_is_that_of_the_day():
 def rms(trial, memory=None):
     """Of the errors of a trial's forecasts, of both axes."""
     return np.sqrt(np.nanmean(played(trial, memory)[1]))
+
+
+@pytest.mark.parametrize('every', [1, 2, 3, 5])
+def test_a_memory_on_every_so_many_rows_is_that_of_the_same_motion(every):
+    """Oracle: the covariances of the rows; one-step errors of what the model itself makes are white, and as claimed."""
+    model = oscillators()
+    seldom = at_step(model, every * model.step)
+    expected = [lagged(model, every * lag) for lag in range(4)]
+    assert np.allclose([lagged(seldom, lag) for lag in range(4)], expected, atol=1e-9)
+    state, errors = np.zeros(4), []
+    for row in motion_of(model, 4000)[::every]:
+        errors.append(row - seldom.c @ state)
+        state = seldom.a @ state + seldom.k @ errors[-1]
+    errors = np.array(errors[50:])
+    assert np.allclose(errors.var(axis=0), np.diag(seldom.s), rtol=0.2)
+    assert np.abs((errors[1:] * errors[:-1]).mean(axis=0) / errors.var(axis=0)).max() < 0.15
+
+
+def test_a_memory_on_more_rows_forecasts_them(buoy):
+    """That of every second row, alone: over half a second it errs by a fifth of the motion at most."""
+    rows = rows_of(buoy[0])
+    space = InnovationsFilter(at_step(identify(rows[:2400:2], CHANNELS, 2.0 * STEP, PERIOD), STEP), AXES, 1.0)
+    missed = []
+    for place in range(2400, len(rows) - 5):
+        space.step(rows[place])
+        missed.append(space.forecast(np.array([0.5]))[0][0] - rows[place + 5, : len(AXES)])
+    assert (np.std(missed[100:], axis=0) < 0.2 * np.std(rows[2400:, : len(AXES)], axis=0)).all()
 
 
 def test_a_start_in_the_same_sea_errs_much_less(buoy):

@@ -372,6 +372,9 @@ class Forecaster:
         self._has_waves, self._waiting, self._steps, self._laid_out_at = False, None, 0, self._time
         self._refit_due = -math.inf
         self._follow_period(self._bank)
+        remembered = self.memory and self.memory.candidate(self._clock.step)
+        if remembered is not None:
+            self._bank.use(MEMORY, remembered, self._newest(2 * MAX_LAGS))
 
     def _follow_period(self, bank: Bank):
         """Count memories in the motion's period, and begin with the library of seas."""
@@ -379,8 +382,6 @@ class Forecaster:
             axis.set_period(self._clock.period)
         bank.set_period(self._clock.period)
         bank.begin(self._newest(2 * MAX_LAGS))
-        if self.memory is not None and self.memory.is_for(self._clock.step):
-            bank.use(MEMORY, self.memory.candidate(self._clock.step), self._newest(2 * MAX_LAGS))
 
     def _take_row(self, bank: Bank, steps: int, stamp: float, row: list[float]):
         """Take the next row, the given number of steps after the one before."""
