@@ -6,6 +6,7 @@ import json
 import math
 import os
 import pickle
+import re
 import shutil
 import signal
 import subprocess
@@ -19,6 +20,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from test_report_html_page import assert_holds_together
 
 from swath_sysid.attitude.hull.catalogue import equation_named, hull_named
@@ -29,6 +32,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.model_file import read_description, read_model
+from swath_sysid.report.html_page import escaped
 from swath_sysid.report.pdf import BROWSERS, write_pdf
 from swath_sysid.report.tables import table_as_csv
 from swath_sysid.tank.campaign import work as executors
@@ -37,7 +41,9 @@ from swath_sysid.tank.campaign.manifest import read_manifest
 from swath_sysid.tank.campaign.run import run_campaign
 from swath_sysid.tank.campaign.work import ResultStore, executor_of
 from swath_sysid.tank.cli import campaign
+from swath_sysid.tank.report import campaign_tables, client_pages
 from swath_sysid.tank.report.campaign_report import every_table, write_report
+from swath_sysid.tank.report.campaign_results import in_words
 
 ROOT = Path(__file__).resolve().parents[2]
 HULL = hull_named('swath-pitch').model
@@ -101,7 +107,7 @@ def tables_of(outcome):
 def done(trials, tmp_path_factory):
     output = tmp_path_factory.mktemp('done')
     outcome = work_off(trials, output)
-    write_report(outcome, output)
+    write_report(outcome, output, with_annex=True)
     return outcome, output
 
 
@@ -276,7 +282,7 @@ def test_every_release_counts_and_periods_that_contradict_each_other_are_never_p
         text=head + '  - {file: Versuch_1.csv, draft_m: 0.15}\n  - {file: Versuch_2.csv, draft_m: 0.18}\n',
     )
     assert [(t.record.condition.loading, t.record.condition.initial_angle_deg) for t in outcome.trials] == [
-        (draft, angle) for draft in (0.15, 0.18) for angle in (10.0, 10.0, 6.0)
+        (draft, angle) for draft in (0.15, 0.18) for angle in (10.0, -10.0, 6.0)
     ]
     write_releases(tmp_path / 'odd.csv', 2.3, (10,), 7)
     outcome = work_off(tmp_path, tmp_path / 'odd', text=head + '  - {file: Versuch_1.csv}\n  - {file: odd.csv}\n')
@@ -336,10 +342,52 @@ def test_the_page_needs_nothing_else_and_holds_together(done):
     for loading, fits in axis.by_draft.items():
         verdict = fits[axis.choice].verdict
         assert f'the fit of all records at {loading:g} is {verdict}' in rest
-        assert (verdict.level != 'adequate') == (f'draft factor {loading:g}: {verdict}' in first)
+        assert (verdict.level != 'adequate') == (escaped(verdict.sentence) in first)
     for row in rows_of(done[1] / 'tables' / 'results.csv'):
         truth = 2.0 * math.pi / math.sqrt(HULL.terms['r1'] / float(row['draft factor']))
         assert float(row['natural period [s]']) == pytest.approx(truth, rel=0.1) and f'>{row["verdict"]}</td>' in first
+
+
+def test_the_client_sees_two_sheets_with_the_title_block_of_the_manifest(done, tmp_path):
+    outcome, _ = done
+    (tmp_path / 'logo.svg').write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
+    text = MANIFEST + "report: {client: A & B, scale: '1:12.5', date: 2026-11-27, logo: logo.svg}\n"
+    (tmp_path / 'm.yaml').write_text(text.replace("'pitch_", "'*pitch_"))
+    for each in outcome.trials:
+        (tmp_path / each.entry.path.name).write_text('')
+    manifest = read_manifest(tmp_path / 'm.yaml')
+    first = ''.join(client_pages.cover(replace(outcome, manifest=manifest)))
+    for words in ('A &amp; B', 'scale 1:12.5', '2026-11-27', 'data:image/svg+xml;base64,', 'not stated', '+6', ' ± '):
+        assert words in first, words
+    said = re.sub('<svg.*?</svg>|<[^>]*>', ' ', first + ''.join(client_pages.method(outcome)), flags=re.DOTALL)
+    assert not re.search(r'generation|processor|e-0\d|\bNone\b|\bnan\b', said)
+    (tmp_path / 'm.yaml').write_text(text.replace('logo.svg', 'logo.gif'))
+    with pytest.raises(InputError, match='is no picture'):
+        read_manifest(tmp_path / 'm.yaml')
+
+
+def test_releases_to_both_sides_are_compared_and_are_no_repeats(done):
+    outcome, _ = done
+    (axis,) = outcome.axes
+    one = next(c for c in axis.together if c.loading == 0.9)
+    other = replace(one, initial_angle_deg=-6.0)
+    assert campaign_tables.sides_table(outcome, axis).rows == ()
+    sides = replace(axis, together={one: axis.together[one], other: axis.together[one]})
+    table = campaign_tables.sides_table(outcome, sides)
+    assert [row[1] for row in table.rows] == [6.0, 6.0] and table.marks == {}
+    assert all(row[5] == 0.0 and row[6] > 0.0 for row in table.rows)
+    assert 'at most 0 % in natural period' in campaign_tables.sides_statement(outcome, sides)
+
+
+@given(value=st.floats(1e-9, 1e9), share=st.floats(1e-7, 10.0))
+def test_a_value_and_its_uncertainty_have_the_same_digits(value, share):
+    text = in_words(value, share * value)
+    found = re.fullmatch(r'\(?([\d.]+) ± ([\d.]+)\)?(?: × 10\^(-?\d+))?', text)
+    one, other, power = found[1], found[2], int(found[3] or 0)
+    places = [len(each.partition('.')[2]) for each in (one, other)]
+    assert places[0] == places[1]
+    assert float(other) * 10.0**power == pytest.approx(share * value, rel=0.051)
+    assert abs(float(one) * 10.0**power - value) <= 0.51 * 10.0 ** (power - places[0]) + 1e-9 * value
 
 
 def test_a_pdf_is_printed_by_a_browser_or_refused_before_any_work(trials, done, tmp_path, monkeypatch, capsys):

@@ -7,7 +7,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -37,6 +37,9 @@ PLACEHOLDERS = {
 #: Of a loading, on pages and in tables.
 LOADING_NAMES = {'draft_factor': 'draft factor', 'draft_m': 'draft [m]', 'displacement_kg': 'displacement [kg]'}
 
+#: Ending of a logo to its media type.
+PICTURES = {'.png': 'image/png', '.jpg': 'image/jpeg', '.jpeg': 'image/jpeg', '.svg': 'image/svg+xml'}
+
 LARGEST = 1e9  #: Of any number but those of the search: kg, s, m, deg.
 
 #: Given beside a trial; the craft's own values hold at the design draft alone.
@@ -57,6 +60,14 @@ def _columns(value: Any, where: str) -> tuple[tuple[str, str], ...]:
     return tuple(
         (quantity, _NAME(column, f'{where}, {quantity}')) for quantity, column in schema.mapping(value, where).items()
     )
+
+
+def _picture(value: Any, where: str) -> Path:
+    """A picture that a page can hold; its content is looked at where it is read."""
+    path = Path(_NAME(value, where))
+    if path.suffix.lower() not in PICTURES:
+        raise InputError(f"{where}: '{shown(value)}' is no picture: give one that ends in {', '.join(PICTURES)}")
+    return path
 
 
 #: What an entry may say.
@@ -103,6 +114,19 @@ class Craft:
     def design_loading(self, quantity: str) -> float | None:
         """The loading at the design draft, in one of ``QUANTITIES``."""
         return {'draft_factor': 1.0, 'draft_m': self.draft_m, 'displacement_kg': self.displacement_kg}[quantity]
+
+
+@dataclass(frozen=True)
+class TitleBlock:
+    """What the cover of the report says beside the craft; what is not given is None."""
+
+    client: Name | None = None
+    tank: Name | None = None
+    date: Name | None = None
+    author: Name | None = None
+    test_numbers: Name | None = None
+    scale: Name | None = None  #: Of the model, as in ``1:25``.
+    logo: Annotated[Path, _picture] | None = None  #: Of a picture; in a manifest relative to its folder.
 
 
 @dataclass(frozen=True)
@@ -155,6 +179,7 @@ class Manifest:
     search: SearchSettings = field(default_factory=SearchSettings)
     uncertainty: TypeB = field(default_factory=TypeB)
     predictions: tuple[PredictedDamping, ...] = ()
+    title_block: TitleBlock = field(default_factory=TitleBlock)
     faults: tuple[str, ...] = ()  #: What was left out, and why.
 
 
@@ -174,6 +199,7 @@ _CAMPAIGN = schema.named(
     {
         'title': _NAME,
         'craft': schema.record(Craft),
+        'report': schema.record(TitleBlock),
         'axis': schema.one_of(AXES, 'axis'),
         'columns': _columns,
         'mounting_deg': _MOUNTING,
@@ -213,7 +239,11 @@ def read_manifest(path: str | Path) -> Manifest:
             faults.append(str(error))
     if not trials:
         raise InputError(f'{path}: no trial is left to use: {first_of(faults)}')
-    craft = plain.get('craft', Craft())
+    craft, block = plain.get('craft', Craft()), plain.get('report', TitleBlock())
+    if block.logo is not None:
+        block = replace(
+            block, logo=existing(path.parent / block.logo, f'the logo {block.logo}, relative to the manifest')
+        )
     # ranking, schedule and forecasts rest on the simulation objective, so that it is never left out
     objectives = {OBJECTIVES[0], *plain.get('objectives', ())}
     return Manifest(
@@ -225,6 +255,7 @@ def read_manifest(path: str | Path) -> Manifest:
         search=plain.get('search', SearchSettings()),
         uncertainty=plain.get('uncertainty', TypeB()),
         predictions=tuple(plain.get('predictions', ())),
+        title_block=block,
         faults=tuple(faults),
     )
 

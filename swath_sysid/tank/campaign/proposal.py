@@ -88,7 +88,7 @@ def new_manifest(
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f'{folder} is not a folder: give the folder of the trials')
-    files = [_seen(p, mounting) for p in sorted(folder.iterdir()) if _may_be_trial(p)]
+    files = [_seen(p, mounting) for p in sorted(folder.iterdir()) if may_be_trial(p)]
     if not files:
         raise InputError(f'{folder} holds no trial: {", ".join(ENDINGS)} and bag folders were looked for')
     way = '' if at is None else Path(os.path.relpath(os.path.realpath(folder), os.path.realpath(at))).as_posix() + '/'
@@ -98,6 +98,7 @@ def new_manifest(
     unplaced = [file for file in files if not set(QUANTITIES) & set(file.said)]
     are_apart = len(_like_periods(unplaced)) > 1
     warnings = [CONTRADICTION.strip(' #')] if are_apart else []
+    warnings += [f'{file.path.name}: {file.remark}' for file in files if file.fault]
     drafts = sorted({each.value for f in files for each in f.proposed if each.key in QUANTITIES}, key=str)
     if len(drafts) > 1:
         warnings.append(SEVERAL_DRAFTS.format(drafts=', '.join(map(str, drafts))))
@@ -197,7 +198,8 @@ def _quoted(text: str) -> str:
     return yaml.safe_dump(text, default_style="'", width=1000).strip()
 
 
-def _may_be_trial(path: Path) -> bool:
+def may_be_trial(path: Path) -> bool:
+    """Whether a file or folder is named as a record is."""
     if path.name.startswith('.'):
         return False
     if path.is_dir():

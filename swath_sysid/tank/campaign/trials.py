@@ -158,6 +158,8 @@ def _of_release(
         angle = round(math.degrees(trial.initial_angle), 6)
     if angle is None or (outcome.release and not 0.5 < (measured / angle) ** 2 < 2.0):
         angle = round(measured / ANGLE_STEP_DEG) * ANGLE_STEP_DEG
+    # a name gives the size of the angle, and only the motion the side
+    angle = math.copysign(angle, problem.states[0].x)
     condition = Condition(entry.axis, loading, float(angle), entry.speed_m_s or 0.0)
     # the number of a file is not that of its releases
     repeat = 0 if outcome.release else entry.repeat or 0

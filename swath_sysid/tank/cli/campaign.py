@@ -70,7 +70,7 @@ def _work_off(arguments: Namespace) -> int:
         outcome = run_campaign(
             manifest, store, executor, lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2]))
         )
-    report = write_report(outcome, arguments.output)
+    report = write_report(outcome, arguments.output, arguments.annex)
     if arguments.pdf:
         write_pdf(report, report.with_suffix('.pdf'))
         report = report.with_suffix('.pdf')

@@ -1,18 +1,14 @@
 """The report of a campaign: a page, the same tables as CSV, the figures as SVG, and the model file."""
 
-import html
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 
-from swath_sysid import __version__
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
-from swath_sysid.common.conventions import ADEQUATE, TWO_STD
+from swath_sysid.common.conventions import TWO_STD
 from swath_sysid.common.covariance import correlation
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import write_text
@@ -24,15 +20,9 @@ from swath_sysid.tank.campaign.evaluation import Condition, noise_statement, out
 from swath_sysid.tank.campaign.manifest import LOADING_NAMES, loading_in_words
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.report import campaign_tables
-from swath_sysid.tank.report.campaign_results import (
-    draft_results,
-    left_out_of,
-    matrix_of,
-    place_of,
-    result_drawings,
-    results_table,
-)
+from swath_sysid.tank.report.campaign_results import results_table
 from swath_sysid.tank.report.campaign_tables import colour_of, style_of
+from swath_sysid.tank.report.client_pages import cover, method, result_drawings
 from swath_sysid.tank.report.extinction_tables import conditions_table, extinction_drawings, extinction_tables
 
 
@@ -191,43 +181,38 @@ TABLES, FIGURES = 'tables', 'figures'
 REPORTED = (PAGE, MODEL, TABLES, FIGURES)  #: What a report writes into its folder.
 
 
-def write_report(outcome: CampaignOutcome, folder: str | Path) -> Path:
-    """Write page, tables, figures and models of a campaign into a folder; returns the page."""
+def write_report(outcome: CampaignOutcome, folder: str | Path, with_annex: bool = False) -> Path:
+    """Write page, tables, figures and models of a campaign into a folder; returns the page, for the client two sheets,
+    and on demand an annex with the rest.
+    """
     folder = Path(folder)
     try:
         for name in (TABLES, FIGURES):
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f'cannot make the folder {folder}: {error.strerror}; choose another') from error
+    sections = [('result', 'Result', cover(outcome)), ('method', 'Method, uncertainty and limits', method(outcome))]
     with page_style():
         drawings = [campaign_drawings(outcome, axis) for axis in outcome.axes]
         results = list(result_drawings(outcome))
         for drawing in (*results, *(each for kinds in drawings for items in kinds.values() for each in items)):
             write_text(folder / FIGURES / f'{drawing.name}.svg', drawing.svg)
-    tables = [_axis_tables(outcome, axis) for axis in outcome.axes]
-    sections = [
-        ('result', 'Result', [*_first_page(outcome), figures(results)]),
-        ('short', 'Findings', _in_short(outcome)),
-        ('conditions', 'Conditions', [table_as_html(conditions_table(outcome))]),
-    ]
-    for axis, found, drawn in zip(outcome.axes, tables, drawings, strict=True):
+    for axis, drawn in zip(outcome.axes, drawings, strict=True) if with_annex else ():
         of_axis = '' if len(outcome.axes) == 1 else f', {axis.axis}'
         sections += [
             (f'{axis.axis}-{anchor}', f'{name}{of_axis}', parts)
-            for anchor, name, parts in _axis_sections(axis, found, drawn)
+            for anchor, name, parts in _axis_sections(axis, _axis_tables(outcome, axis), drawn)
         ]
-    sections += [
-        ('trials', 'Trials', [table_as_html(campaign_tables.trials_table(outcome))]),
-        ('warnings', 'Warnings', _warnings(outcome)),
-        ('made', 'How this was made', _how_made(outcome)),
-    ]
+    if with_annex:
+        trials = [table_as_html(campaign_tables.trials_table(outcome)), *_warnings(outcome)]
+        sections.append(('trials', 'Trials and warnings', trials))
     for table in every_table(outcome):
         write_text(folder / TABLES / f'{table.name}.csv', table_as_csv(table))
     speeds = sorted({axis.speed_m_s for axis in outcome.axes})
     for speed in speeds:
         models = {axis.motion: axis.schedule for axis in outcome.axes if axis.speed_m_s == speed}
         write_scheduled(folder / (MODEL if speed == speeds[0] else f'model_{speed:g}m_s.yaml'), models)
-    write_text(folder / PAGE, page(f'Campaign: {outcome.manifest.title}', sections, unfolded=1))
+    write_text(folder / PAGE, page(outcome.manifest.title, sections, unfolded=2))
     return folder / PAGE
 
 
@@ -258,6 +243,7 @@ def _axis_tables(outcome: CampaignOutcome, axis: AxisOutcome):
         ),
         'ratios': campaign_tables.coefficient_table(outcome, axis),
         'repeats': campaign_tables.spread_table(outcome, axis),
+        'sides': campaign_tables.sides_table(outcome, axis),
         'errors': campaign_tables.errors_table(outcome, axis),
         **extinction_tables(outcome, axis),
     }
@@ -266,34 +252,15 @@ def _axis_tables(outcome: CampaignOutcome, axis: AxisOutcome):
     return tables
 
 
-def _first_page(outcome: CampaignOutcome):
-    """Craft, matrix, what was left out, and the results with the reason for each verdict that is not adequate."""
-    left_out = [*outcome.manifest.faults, *left_out_of(outcome), *outcome.failures]
-    return [
-        *map(paragraph, matrix_of(outcome)),
-        *(paragraph(f'Left out: {line}', 'left-out') for line in left_out),
-        table_as_html(results_table(outcome)),
-        bullets([f'{place_of(outcome, r)}: {r.fit.verdict}.' for r in draft_results(outcome) if r.verdict != ADEQUATE]),
-    ]
-
-
-def _in_short(outcome: CampaignOutcome):
-    parts = []
-    for axis in outcome.axes:
-        parts.append(
-            f'<div class="choice"><p><strong>{axis.axis.capitalize()}.</strong> '
-            f'{html.escape(axis.ranking.reason)}</p></div>'
-        )
-        lines = [f'{a.message}.' for a in axis.ranking.findings]
-        lines += [campaign_tables.spread_statement(axis)] if axis.spreads else []
-        if axis.is_compared:
-            lines += [
-                f'{objective.capitalize()} objective: {noise_statement(axis.records, fits, axis.best)}'
-                for objective, fits in axis.fits.items()
-            ]
-            lines.append(_order_statement(axis))
-        parts.append(bullets(lines))
-    return parts
+def _findings(axis: AxisOutcome):
+    lines = [f'{a.message}.' for a in axis.ranking.findings]
+    if axis.is_compared:
+        lines += [
+            f'{objective.capitalize()} objective: {noise_statement(axis.records, fits, axis.best)}'
+            for objective, fits in axis.fits.items()
+        ]
+        lines.append(_order_statement(axis))
+    return [f'<div class="choice">{paragraph(axis.ranking.reason)}</div>', bullets(lines)]
 
 
 def _order_statement(axis: AxisOutcome):
@@ -309,25 +276,24 @@ def _order_statement(axis: AxisOutcome):
 
 def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[str, list[Drawing]]):
     """Anchor, name and parts of every section of an axis."""
-    best = {axis.records[k].name for k in axis.best.values()}
-    peaks = found['peaks']
-    note = f'{peaks.note} Of the best repeats; those of every record are in {TABLES}/{peaks.name}.csv.'
-    shown_peaks = replace(peaks, note=note, rows=tuple(row for row in peaks.rows if row[0] in best))
-    tables = {name: table_as_html(table) for name, table in (found | {'peaks': shown_peaks}).items()}
+    tables = {name: table_as_html(table) for name, table in found.items()}
     shown = {kind: figures(items) for kind, items in drawings.items()}
-    extinction = [tables[name] for name in ('damping', 'extinction', 'peaks')]
     related = 'Ratios whose correlation is beyond 0.95 cannot be distinguished: use them together only.'
-    equations = 'verdicts', 'Verdicts', [tables.get('verdicts', '')]
+    equations = 'verdicts', 'Verdicts', [*_findings(axis), tables.get('verdicts', '')]
     if axis.is_compared:
         marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
         compared = [tables[objective] for objective in axis.fits]
-        equations = 'equations', 'Which equation', [tables['ranking'], paragraph(marks, 'note'), *compared]
+        equations = (
+            'equations',
+            'Which equation',
+            [*_findings(axis), tables['ranking'], paragraph(marks, 'note'), *compared],
+        )
     return (
         equations,
         ('decays', 'Decays', [shown['decays']]),
-        ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], tables['repeats']]),
+        ('ratios', 'Coefficients', [shown['against_angle'], tables['ratios'], tables['repeats'], tables['sides']]),
         ('draft', 'Against draft', [shown['against_draft'], tables.get('schedule', '')]),
-        ('damping', 'Period, damping and extinction', [shown['damping'], *extinction]),
+        ('damping', 'Period, damping and extinction', [shown['damping'], tables['damping'], tables['extinction']]),
         ('errors', 'Simulation and forecast', [tables['errors']]),
         ('records', 'Every record', [shown['records']]),
         ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),
@@ -343,16 +309,3 @@ def _warnings(outcome: CampaignOutcome):
     # a warning may begin with the name of a term or of a file, whose case is its own
     lines += [f'{", ".join(dict.fromkeys(names))}: {message}.' for message, names in gathered.items()]
     return [bullets(lines) or paragraph('None.')]
-
-
-def _how_made(outcome: CampaignOutcome):
-    search = outcome.manifest.search
-    lines = [
-        f'swath_sysid {__version__}, numpy {np.__version__}, scipy {scipy.__version__}, matplotlib '
-        f'{plots.loaded_matplotlib().__version__}.',
-        f'Search {search.algorithm}, seed {search.seed}; objectives {", ".join(outcome.manifest.objectives)}.',
-        'The hashes of the trials are in the table of trials; the complete numbers are in the folder tables, the '
-        'figures in figures, '
-        'the model in model.yaml, that of each further speed in a file of its own.',
-    ]
-    return [bullets(lines)]

@@ -2,24 +2,22 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import cycle
 
 import numpy as np
 
 from swath_sysid.attitude.identification.result import Identification
 from swath_sysid.common.advice import counted
 from swath_sysid.common.conventions import digits
-from swath_sysid.report.figures import LINE_STYLES, curves_of, legend_below, panel, two_std_band
-from swath_sysid.report.html_page import Drawing
-from swath_sysid.report.published import PARTICULARS
 from swath_sysid.report.tables import Table
 from swath_sysid.tank.campaign.manifest import LOADING_NAMES, loading_in_words
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.extinction import TankQuantity, tank_quantities
-from swath_sysid.tank.report.campaign_tables import VERDICT_MARKS, colour_of
+from swath_sysid.tank.report.campaign_tables import VERDICT_MARKS
 from swath_sysid.tank.report.extinction_tables import SOURCES, particulars_of
+
+#: Powers of ten within which a number is written without one.
+SMALLEST_POWER, LARGEST_POWER = -3, 4
 
 #: deg, of which the three largest that a draft's records cover are reported.
 NAMED_AMPLITUDES = tuple(float(f'{mantissa}e{power}') for power in (-1, 0, 1) for mantissa in (1, 2, 5))
@@ -63,13 +61,25 @@ def draft_results(outcome: CampaignOutcome) -> list[DraftResult]:
     return found
 
 
-def with_interval(quantity: TankQuantity) -> str:
-    """A value with its expanded uncertainty, both to the last digit that this one has."""
-    value, spread = quantity.value, quantity.expanded
+def in_words(value: float, spread: float) -> str:
+    """A value with its uncertainty, both to the second digit that this one has, and with one power of ten."""
     if not (math.isfinite(spread) and spread > 0.0):
         return f'{value:.4g}'
-    places = max(0, 1 - math.floor(math.log10(spread)))
-    return f'{value:.{places}f} ± {spread:.{places}f}'
+    power = math.floor(math.log10(max(abs(value), spread)))
+    power = power if not SMALLEST_POWER <= power <= LARGEST_POWER else 0
+    value, spread = value / 10.0**power, spread / 10.0**power
+    places = max(0, 1 - math.floor(math.log10(float(f'{spread:.1e}'))))
+    shown = f'{value:.{places}f} ± {spread:.{places}f}'.replace('-', '−')
+    return f'({shown}) × 10^{power}' if power else shown
+
+
+def type_b_in_words(outcome: CampaignOutcome) -> str:
+    """Which sources beside fit and scatter an uncertainty contains, and which it does not."""
+    budget = vars(outcome.manifest.uncertainty)
+    given = ', '.join(SOURCES[name] for name, share in budget.items() if share)
+    absent = ' and '.join(SOURCES[name] for name in ('sensor_scale', 'time_base') if not budget[name])
+    type_b = f', with {given} as stated for the tests' * bool(given)
+    return type_b + f', without {absent}, not stated' * bool(absent)
 
 
 def results_table(outcome: CampaignOutcome) -> Table:
@@ -81,19 +91,14 @@ def results_table(outcome: CampaignOutcome) -> Table:
         ('equivalent damping ratio', 'damping ratio', '-'),
         *((each, each, 'N m s') for each in symbols),
     )
-    budget = vars(outcome.manifest.uncertainty)
-    given = ', '.join(SOURCES[name] for name, share in budget.items() if share)
-    absent = ' and '.join(SOURCES[name] for name in ('sensor_scale', 'time_base') if not budget[name])
-    type_b = f', with {given} as the manifest gives them' * bool(given)
-    type_b += f', without {absent}, which the manifest does not give' * bool(absent)
     known = f' {symbols[0]} where mass and GM, or the inertia, are given for the draft.' if symbols else ''
     table = Table.of(
         'results',
         '',
         'Natural period and equivalent damping ratio at named amplitudes, of all releases of a draft fitted together. '
         '±: expanded uncertainty (k = 2) by the larger of the fit '
-        f'and the scatter of the releases that reach the amplitude{type_b}. The verdict is on the forecast of the next '
-        f'release by the fitted model.{known}',
+        f'and the scatter of the releases that reach the amplitude{type_b_in_words(outcome)}. The verdict is on the '
+        f'forecast of the next release by the fitted model.{known}',
         items,
         *([('axis', lambda item: item[0].axis.axis)] if len(outcome.axes) > 1 else []),
         (LOADING_NAMES[outcome.quantity], lambda item: item[0].loading, digits(4)),
@@ -121,7 +126,7 @@ def conclusion_of(outcome: CampaignOutcome) -> list[str]:
     lines = []
     for result in draft_results(outcome):
         at, own = result.rows[len(result.rows) // 2]
-        period, damping = with_interval(own[0]), with_interval(own[1])
+        period, damping = in_words(own[0].value, own[0].expanded), in_words(own[1].value, own[1].expanded)
         lines.append(
             f'{place_of(outcome, result)}: {result.verdict}; natural period {period} s, equivalent damping ratio '
             f'{damping} at {at:.3g} deg ({counted(result.releases, "release")})'
@@ -148,51 +153,3 @@ def left_out_of(outcome: CampaignOutcome) -> list[str]:
     """What was not used and why, the releases of a file with the same reason in one line."""
     reasons = Counter((t.entry.path.name if t.release else t.name, t.reason) for t in outcome.trials if not t.record)
     return [f'{name}{f" ({n} releases)" if n > 1 else ""}, {reason}' for (name, reason), n in reasons.items()]
-
-
-def matrix_of(outcome: CampaignOutcome) -> list[str]:
-    """The craft and what was tried, in two lines."""
-    craft = outcome.manifest.craft
-    known = [
-        f'{name.partition(" [")[0]} {value:g} {name.partition("[")[2].rstrip("]")}'.rstrip()
-        for key, name in PARTICULARS.items()
-        if isinstance(value := getattr(craft, key), float)
-    ]
-    lines = [f'{craft.name}: {", ".join(known)}.' if known else f'{craft.name}; no particulars are given.']
-    for axis in outcome.axes:
-        name, _, unit = LOADING_NAMES[outcome.quantity].partition(' [')
-        loadings = ', '.join(f'{x:g}' for x in sorted({c.loading for c in axis.together}))
-        angles = ', '.join(f'{x:g}' for x in sorted({c.initial_angle_deg for c in axis.together}))
-        speed = f', at {axis.speed_m_s:g} m/s' if axis.speed_m_s else ''
-        lines.append(
-            f'{axis.motion.capitalize()} decays{speed}: {f"{name} {loadings} {unit}".rstrip("] ")}; released from '
-            f'{angles} deg; {counted(len(axis.records), "release")}.'
-        )
-    return [*lines, f'{used_of(outcome)}.']
-
-
-def result_drawings(outcome: CampaignOutcome) -> Iterator[Drawing]:
-    """Natural period and equivalent damping of each draft against amplitude, large."""
-    for axis in outcome.axes:
-        for place, label in enumerate(('natural period [s]', 'equivalent damping ratio [-]')):
-            figure, axes = panel(xlabel=f'{axis.motion} amplitude [deg]', ylabel=label)
-            ends: list[float] = []
-            for style, (loading, fits) in zip(cycle(LINE_STYLES), axis.by_draft.items()):
-                bands = fits[axis.choice].bands
-                amplitude, (value, std) = np.degrees(bands.curves.amplitude), curves_of(bands)[label]
-                colour = colour_of(axis, loading)
-                two_std_band(axes, amplitude, value, std, color=colour, alpha=0.15)
-                name = loading_in_words(outcome.quantity, loading)
-                axes.plot(amplitude, value, style, color=colour, linewidth=1.8, label=name)
-                ends += [np.nanmin(value), np.nanmax(value)]
-            # by the curves: a band that is wide where little was measured shall not hide them
-            margin = 0.3 * (max(ends) - min(ends)) + 0.01 * max(ends)
-            axes.set(xlim=(0.0, None), ylim=(0.0 if place else min(ends) - margin, max(ends) + margin))
-            legend_below(axes, 3)
-            kind = ('Natural period', 'Equivalent damping')[place]
-            yield Drawing(
-                f'result_{("period", "damping")[place]}_{axis.axis}',
-                f'{kind} against amplitude, {axis.axis}: all releases of a draft together, bands of two standard '
-                'deviations of the fit',
-                figure,
-            )

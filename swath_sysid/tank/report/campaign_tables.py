@@ -1,6 +1,7 @@
 """The tables of a campaign."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from itertools import pairwise
 from operator import attrgetter
 from typing import Any
@@ -9,9 +10,9 @@ import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.attitude.identification.forecast_check import LEADS
-from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, digits, percent
+from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, TWO_STD, digits, percent
 from swath_sysid.report.figures import LINE_STYLES
-from swath_sysid.report.tables import Column, Table
+from swath_sysid.report.tables import Column, Table, columns_of
 from swath_sysid.tank.campaign.evaluation import Condition, Record, beyond_noise, tied_best
 from swath_sysid.tank.campaign.manifest import LOADING_NAMES
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
@@ -34,7 +35,7 @@ def colour_of(axis: AxisOutcome, loading: float) -> str:
 
 def style_of(axis: AxisOutcome, angle_deg: float) -> dict[str, str]:
     """Line and marker of an initial angle."""
-    place = sorted({c.initial_angle_deg for c in axis.best}).index(angle_deg)
+    place = sorted({abs(c.initial_angle_deg) for c in axis.best}).index(abs(angle_deg))
     return {'linestyle': LINE_STYLES[place % len(LINE_STYLES)], 'marker': 'os^DvP'[place % 6]}
 
 
@@ -144,9 +145,6 @@ def fits_table(outcome: CampaignOutcome) -> Table:
             ('effective samples', 'effective_samples'),
             ('trim [rad]', 'model.trim'),
             ('trim std [rad]', 'trim_std'),
-            ('generations', 'search.generations'),
-            ('evaluations', 'search.evaluations'),
-            ('stop', 'search.stop'),
         ),
         ('warnings', lambda item: ' '.join(a.code for a in item[2].advice)),
     )
@@ -204,13 +202,14 @@ def verdict_table(axis: AxisOutcome) -> Table:
     table = Table.of(
         f'verdicts_{axis.axis}',
         '',
-        f'Of {axis.ranking.choice.name}, by all records of a draft together and by each record separately. A record '
-        'that is not adequate where all together are differs from the others: look at its residual. Next release: the '
-        'error of its forecast to either side, or to the side of the records where the other one is above 10 %.',
+        f'Of {axis.ranking.choice.name}, by all records of a draft together and by each record separately. If all '
+        'together are adequate and a single record is not, this record differs from the others: look at its residual. '
+        'Error of the next decay: of its forecast, in percent of its motion, to the worse side; to the side of the '
+        'records where the other one is above 10 %.',
         items,
         ('fit of', lambda item: item[0]),
         ('verdict', lambda item: item[1].verdict.level),
-        ('next release', lambda item: item[1].verdict.motion_error, percent),
+        ('error of the next decay', lambda item: item[1].verdict.motion_error, percent),
         ('why', lambda item: item[1].verdict.sentence),
     )
     table.marks.update({(k, 1): VERDICT_MARKS[fit.verdict.level] for k, (_, fit) in enumerate(items)})
@@ -278,6 +277,52 @@ def spread_statement(axis: AxisOutcome) -> str:
     return (
         f'Repeats agree to {shares[0]} in natural period and {shares[1]} in equivalent damping (standard deviation, '
         'median over the conditions).'
+    )
+
+
+def sides_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
+    """Releases from one angle to both sides, compared: not repeats of each other."""
+    rows: list[tuple] = []
+    marks = {}
+    for one, fits in axis.together.items():
+        other = axis.together.get(replace(one, initial_angle_deg=-one.initial_angle_deg))
+        if one.initial_angle_deg <= 0.0 or other is None:
+            continue
+        pair = fits[axis.choice], other[axis.choice]
+        low, high = max(f.amplitude_range[0] for f in pair), min(f.amplitude_range[1] for f in pair)
+        first, second = (f.bands.at(float(np.sqrt(low * high))) for f in pair)
+        for place, quantity in enumerate(QUANTITIES.values()):
+            apart = second[place] - first[place]
+            spread = TWO_STD * float(np.hypot(first[place + 2], second[place + 2]))
+            marks.update({(len(rows), 5): 'beyond'} if abs(apart) > spread else {})
+            rows.append((one.loading, one.initial_angle_deg, quantity, first[place], second[place], apart, spread))
+    columns = columns_of(
+        {
+            LOADING_NAMES[outcome.quantity]: digits(4),
+            'initial angle [deg]': lambda angle: f'±{angle:.4g}',
+            'quantity': str,
+            'released to +': digits(5),
+            'released to -': digits(5),
+            'difference': digits(3),
+            'U (k = 2)': digits(2),
+        }
+    )
+    note = 'At the geometric mean of the amplitudes that both cover. Red: a difference beyond its uncertainty.'
+    return Table(f'sides_{axis.axis}', f'Releases to both sides, {axis.axis}', note, columns, tuple(rows), marks)
+
+
+def sides_statement(outcome: CampaignOutcome, axis: AxisOutcome) -> str:
+    """One sentence on how releases to both sides agree; empty where all are to one side."""
+    table = sides_table(outcome, axis)
+    if not table.rows:
+        return ''
+    shares = [
+        percent(max(abs(row[5] / row[3]) for row in table.rows if row[2] == name), 2) for name in QUANTITIES.values()
+    ]
+    is_alike = 'within' if not table.marks else 'in part beyond'
+    return (
+        f'Releases from the same angle to both sides differ by at most {shares[0]} in natural period and {shares[1]} '
+        f'in equivalent damping, {is_alike} their uncertainty.'
     )
 
 

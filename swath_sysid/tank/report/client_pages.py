@@ -1,0 +1,292 @@
+"""The two pages for the client of a campaign: what was tested and what came out; how, within which limits, how sure."""
+
+import base64
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import cycle
+
+import numpy as np
+
+from swath_sysid import __version__
+from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.attitude.identification.fit_quality import ADEQUATE_ERROR
+from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, LEVELS, TWO_STD, digits, percent
+from swath_sysid.common.errors import InputError
+from swath_sysid.report.figures import LINE_STYLES, curves_of, legend_below, new_figure, quiet, two_std_band
+from swath_sysid.report.html_page import Drawing, bullets, escaped, figures, paragraph, table_as_html
+from swath_sysid.report.published import PARTICULARS
+from swath_sysid.report.tables import Table
+from swath_sysid.tank.campaign.manifest import LOADING_NAMES, PICTURES, loading_in_words
+from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
+from swath_sysid.tank.extinction import TankQuantity
+from swath_sysid.tank.report.campaign_results import (
+    draft_results,
+    in_words,
+    left_out_of,
+    place_of,
+    type_b_in_words,
+    used_of,
+)
+from swath_sysid.tank.report.campaign_tables import VERDICT_MARKS, colour_of, sides_statement, spread_statement
+from swath_sysid.tank.report.extinction_tables import SOURCES
+
+NOT_STATED = 'not stated'
+LONGEST_LIST = 8  #: Names of files that stand for test numbers one by one.
+#: Terms of the equation of motion, in the symbols of the papers.
+PRINTED = {
+    'b0': '{b0} sgn({x}̇)',
+    'b1': '{b1} {x}̇',
+    'b2': '{b2} |{x}̇| {x}̇',
+    'b3': '{b3} {x}̇³',
+    'r1': '{r1} {x}',
+    'r2': '{r2} {x}²',
+    'r3': '{r3} {x}³',
+    's1': '{s1} sin {x}',
+    's2': '{s2} sin² {x}',
+}
+RESULTS = 'natural period', 'equivalent damping ratio', 'B44', 'B55'  #: Of the quantities of a tank, those shown.
+ANGLES = {'roll': 'φ', 'pitch': 'θ'}
+MEANING = {
+    ADEQUATE: f'adequate: the forecast of the next decay is off by at most {percent(ADEQUATE_ERROR)} of its motion',
+    DOUBTFUL: 'doubtful: it may be off by more, or something in the records contradicts the model',
+}
+
+
+def cover(outcome: CampaignOutcome) -> list[str]:
+    """Title block, verdict, results and picture."""
+    left_out = [*outcome.manifest.faults, *left_out_of(outcome), *outcome.failures]
+    rows = ''.join(f'<dt>{escaped(name)}</dt><dd>{escaped(value)}</dd>' for name, value in title_rows(outcome))
+    return [
+        _logo(outcome),
+        f'<dl class="block">{rows}</dl>',
+        f'<div class="choice">{paragraph(verdict_sentence(outcome))}</div>',
+        table_as_html(shown_results(outcome)),
+        figures(list(result_drawings(outcome))),
+        *(paragraph(f'Left out: {line}', 'left-out') for line in left_out),
+    ]
+
+
+def title_rows(outcome: CampaignOutcome) -> Iterator[tuple[str, str]]:
+    """Name and value of every line of the title block."""
+    craft, block = outcome.manifest.craft, outcome.manifest.title_block
+    stems = list(dict.fromkeys(t.entry.path.stem for t in outcome.trials if t.record is not None))
+    of_files = ', '.join(stems) if len(stems) <= LONGEST_LIST else f'{stems[0]} to {stems[-1]} ({len(stems)} files)'
+    yield 'Client', block.client or NOT_STATED
+    yield 'Tank', ', '.join(filter(None, (block.tank, craft.basin))) or NOT_STATED
+    yield 'Date', block.date or NOT_STATED
+    yield 'Author', block.author or NOT_STATED
+    yield 'Tests', block.test_numbers or of_files
+    yield 'Model', f'{craft.name}, scale {block.scale or NOT_STATED}'
+    known = [
+        (name.partition(' [')[0], value, name.partition('[')[2].rstrip(']'))
+        for key, name in PARTICULARS.items()
+        if key != 'basin' and (value := getattr(craft, key)) is not None
+    ]
+    said = [
+        f'{name} {value if isinstance(value, str) else f"{value:g}"} {unit}'.rstrip() for name, value, unit in known
+    ]
+    yield 'Particulars', ', '.join(said) or NOT_STATED
+    for axis in outcome.axes:
+        speed = f'at {axis.speed_m_s:g} m/s' if axis.speed_m_s else 'at rest'
+        name, _, unit = LOADING_NAMES[outcome.quantity].partition(' [')
+        unit = f'of {craft.draft_m:g} m' if outcome.quantity == 'draft_factor' and craft.draft_m else unit
+        loadings = ', '.join(f'{each:g}' for each in axis.by_draft)
+        angles = ', '.join(signed(each) for each in sorted({c.initial_angle_deg for c in axis.together}))
+        yield (
+            'Conditions',
+            f'{axis.motion} decays {speed}, {f"{name} {loadings} {unit}".rstrip("] ")}, released from {angles} deg; '
+            f'{used_of(outcome)}',
+        )
+
+
+def signed(angle_deg: float) -> str:
+    """An angle of release with its sign."""
+    return f'{angle_deg:+g}'.replace('-', '−')
+
+
+def _logo(outcome: CampaignOutcome) -> str:
+    path = outcome.manifest.title_block.logo
+    if path is None:
+        return ''
+    try:
+        content = base64.b64encode(path.read_bytes()).decode('ascii')
+    except OSError as error:
+        raise InputError(f'cannot read the logo {path}: {error.strerror}') from error
+    return f'<img class="logo" alt="logo" src="data:{PICTURES[path.suffix.lower()]};base64,{content}">'
+
+
+def verdict_sentence(outcome: CampaignOutcome) -> str:
+    """What the results are good for, the verdicts together."""
+    results = draft_results(outcome)
+    parts = []
+    for level in reversed(LEVELS):
+        of_level = [each for each in results if each.verdict == level]
+        if not of_level:
+            continue
+        places = (
+            'all results' if len(of_level) == len(results) else ' and '.join(place_of(outcome, r) for r in of_level)
+        )
+        verb = 'are' if len(of_level) > 1 or len(results) == 1 else 'is'
+        if level == ADEQUATE:
+            off = max(each.fit.verdict.motion_error for each in of_level)
+            expected = f'the model forecasts the next decay to within {percent(off, 2)} of its motion'
+            parts.append(f'{places} {verb} adequate: {expected}')
+        else:
+            because = '; '.join(dict.fromkeys(each.fit.verdict.sentence for each in of_level))
+            parts.append(f'{places} {verb} {level}: {because}')
+    text = '; '.join(parts)
+    return f'{text[0].upper()}{text[1:]}.'
+
+
+def shown_results(outcome: CampaignOutcome) -> Table:
+    """The results for the eye: each value with its uncertainty in one cell, in the symbols of the field."""
+    items = [(result, at, {q.name: q for q in own}) for result in draft_results(outcome) for at, own in result.rows]
+    angle = '/'.join(sorted({ANGLES[axis.motion] for axis in outcome.axes}))
+    columns = [
+        (f'T{angle} [s]', 'natural period'),
+        ('ζ [-]', 'equivalent damping ratio'),
+        *((f'{name} [N m s]', name) for name in sorted({n for _, _, own in items for n in own if n in RESULTS[2:]})),
+    ]
+    known = 'equivalent linear damping, where mass and GM, or the inertia, are known'
+    of_damping = f'; {columns[-1][0].split()[0]}: {known}' if len(columns) > 2 else ''
+    table = Table.of(
+        'results',
+        '',
+        f'T{angle}: natural period; ζ: equivalent damping ratio{of_damping}; at the amplitude stated, from all '
+        f'releases of a draft together. ±: expanded uncertainty U (k = 2){type_b_in_words(outcome)}.',
+        items,
+        *([('axis', lambda item: item[0].axis.axis)] if len(outcome.axes) > 1 else []),
+        (LOADING_NAMES[outcome.quantity], lambda item: item[0].loading, digits(4)),
+        ('amplitude [deg]', lambda item: item[1], digits(3)),
+        *(
+            (heading, lambda item, n=name: in_words(item[2][n].value, item[2][n].expanded) if n in item[2] else None)
+            for heading, name in columns
+        ),
+        ('releases', lambda item: item[0].releases),
+        ('verdict', lambda item: item[0].verdict),
+    )
+    place = len(table.columns) - 1
+    table.marks.update({(k, place): VERDICT_MARKS[item[0].verdict] for k, item in enumerate(items)})
+    return table
+
+
+def result_drawings(outcome: CampaignOutcome) -> Iterator[Drawing]:
+    """Natural period and equivalent damping of each draft against amplitude, side by side."""
+    for axis in outcome.axes:
+        figure = new_figure(6.4, 2.7)
+        panels = list(map(quiet, figure.subplots(1, 2)))
+        labels = {'natural period [s]': f'T{ANGLES[axis.motion]} [s]', 'equivalent damping ratio [-]': 'ζ [-]'}
+        for axes, (label, symbol) in zip(panels, labels.items(), strict=True):
+            axes.set(xlabel=f'{axis.motion} amplitude [deg]', ylabel=symbol)
+            ends: list[float] = []
+            for style, (loading, fits) in zip(cycle(LINE_STYLES), axis.by_draft.items()):
+                bands = fits[axis.choice].bands
+                amplitude, (value, std) = np.degrees(bands.curves.amplitude), curves_of(bands)[label]
+                colour, name = colour_of(axis, loading), loading_in_words(outcome.quantity, loading)
+                two_std_band(axes, amplitude, value, std, color=colour, alpha=0.15)
+                axes.plot(amplitude, value, style, color=colour, linewidth=1.8, label=name)
+                ends += [np.nanmin(value), np.nanmax(value)]
+            # by the curves: a band that is wide where little was measured shall not hide them
+            margin = 0.3 * (max(ends) - min(ends)) + 0.01 * max(ends)
+            axes.set(xlim=(0.0, None), ylim=(0.0 if axes is panels[1] else min(ends) - margin, max(ends) + margin))
+        legend_below(panels[0], 2)
+        caption = (
+            f'Natural period and equivalent damping ratio against amplitude, {axis.axis}; bands: two standard '
+            'deviations of the fit'
+        )
+        yield Drawing(f'result_{axis.axis}', caption, figure)
+
+
+def method(outcome: CampaignOutcome) -> list[str]:
+    """How it was found, how sure it is, and where it holds."""
+    found: list[str] = ['<h3>Method</h3>']
+    for axis in outcome.axes:
+        terms, x = axis.schedule.equation.terms, ANGLES[axis.motion]
+        motion = ' + '.join(PRINTED[term].format(x=x, **{t: t for t in terms}) for term in terms)
+        found += [
+            paragraph(
+                f'Free {axis.motion} decays in still water (ITTC 7.5-02-07-04.5): the model is released at an angle '
+                f'and left to itself. The equation of motion {x}̈ + {motion} = 0, each coefficient divided by the '
+                'inertia with added inertia, is fitted to the whole motion of all releases of a draft together; period '
+                'and damping are those of its solution.'
+            ),
+            table_as_html(_coefficients(outcome, axis)),
+        ]
+    found.append('<h3>Uncertainty</h3>')
+    found.append(table_as_html(_budget(outcome)))
+    for axis in outcome.axes:
+        found += [paragraph(line) for line in (spread_statement(axis), sides_statement(outcome, axis)) if line]
+    found += [
+        '<h3>Limits</h3>',
+        bullets(list(_limits(outcome))),
+        paragraph(f'Evaluated with swath_sysid {__version__}.'),
+    ]
+    return found
+
+
+def _coefficients(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
+    """The coefficients of every draft, each with its uncertainty in one cell."""
+    items = [(loading, fits[axis.choice]) for loading, fits in axis.by_draft.items()]
+
+    def of(term: str):
+        return lambda item: in_words(item[1].ratio(term)[0], TWO_STD * item[1].ratio(term)[1])
+
+    return Table.of(
+        '',
+        '',
+        'Coefficients over inertia, for small angles in rad; ±: two standard deviations of the fit.',
+        items,
+        (LOADING_NAMES[outcome.quantity], lambda item: item[0], digits(4)),
+        *((f'{term} [{RATIO_UNITS[term]}]', of(term)) for term in items[0][1].model.terms),
+    )
+
+
+def _budget(outcome: CampaignOutcome) -> Table:
+    """Contributions to the uncertainty of every draft at its middle amplitude, in percent of the value."""
+    items = []
+    for result in draft_results(outcome):
+        at, own = result.rows[len(result.rows) // 2]
+        items += [(result, at, q) for q in own if q.name in RESULTS]
+
+    def share(of: Callable[[TankQuantity], float | None]):
+        return lambda item: percent(abs(of(item[2]) / item[2].value), 2) if of(item[2]) is not None else None
+
+    return Table.of(
+        '',
+        '',
+        'Standard uncertainties in percent of the value, and U = 2 times their root sum of squares, with the larger of '
+        'fit and scatter as type A.',
+        items,
+        *([('axis', lambda item: item[0].axis.axis)] if len(outcome.axes) > 1 else []),
+        (LOADING_NAMES[outcome.quantity], lambda item: item[0].loading, digits(4)),
+        ('at [deg]', lambda item: item[1], digits(3)),
+        ('quantity', lambda item: item[2].name),
+        ('fit', share(lambda q: q.fit)),
+        ('scatter of releases', share(lambda q: q.repeats)),
+        *((name, share(partial(_of_source, source))) for source, name in SOURCES.items()),
+        ('U (k = 2)', share(lambda q: q.expanded)),
+    )
+
+
+def _of_source(source: str, quantity: TankQuantity) -> float | None:
+    return quantity.type_b.get(source)
+
+
+def _limits(outcome: CampaignOutcome) -> Iterator[str]:
+    """Where the results hold, and what they do not contain."""
+    for result in draft_results(outcome):
+        low, high = np.degrees(result.fit.amplitude_range)
+        yield f'{place_of(outcome, result)}: the results hold for the amplitudes measured, {low:.2g} to {high:.2g} deg.'
+    speeds = sorted({axis.speed_m_s for axis in outcome.axes})
+    under_way = ' and '.join(f'{speed:g} m/s' for speed in speeds) if any(speeds) else 'zero speed'
+    yield f'They hold at {under_way}, in still water of the depth and width of this tank.'
+    if any(len(axis.by_draft) > 1 for axis in outcome.axes):
+        yield 'Between the drafts the coefficients may be interpolated linearly; they are not extrapolated.'
+    yield (
+        'They are those of the model: Froude scaling keeps wave damping, but viscous damping does not scale with it '
+        '(ITTC 7.5-02-07-04.5).'
+    )
+    yield f'Verdicts: {MEANING[ADEQUATE]}; {MEANING[DOUBTFUL]}; rejected results are not to be used.'
+    yield from dict.fromkeys(
+        f'{advice.message[0].upper()}{advice.message[1:]}.' for t in outcome.trials for advice in t.advice if t.record
+    )
