@@ -114,7 +114,11 @@ def _logged(
                     log.append(Logged(Path(path).name, _date_in(path), str(model.verdict or ADEQUATE), model))
                     continue
                 key = key_of('history', RESULT_FORMAT, __version__, source_hash(path), how)
-                what = () if store.get(key) is not None else (read_record(path, arguments), arguments.axis)
+                what = (
+                    ()
+                    if store.get(key) is not None
+                    else (read_record(path, arguments), arguments.axis, _start_of(path))
+                )
                 tasks[path] = Task(key, Path(path).name, hull_of, what)
             except KeyError:
                 left_out.append(f'{path} has no {arguments.axis} model')
@@ -123,30 +127,30 @@ def _logged(
         results = work.results(list(tasks.values()))
         for path, task in tasks.items():
             if task.key in results:
-                verdict, text = results[task.key]
-                log.append(Logged(task.label, _date_of(path), verdict, model_from_yaml(text)[arguments.axis]))
+                began, verdict, text = results[task.key]
+                log.append(Logged(task.label, began or _date_in(path), verdict, model_from_yaml(text)[arguments.axis]))
     return log, [*left_out, *work.failures]
 
 
-def hull_of(trial: Trial, axis: str) -> list[str]:
-    """Verdict and model file of one record, of its decays or of its motion in waves."""
+def hull_of(trial: Trial, axis: str, began: float | None) -> list:
+    """Start, s since 1970, verdict and model file of one record, of its decays or of its motion in waves."""
     refuse_contradictions(trial, axis)
     problem = decays_or_waves([trial.axis(axis)])
     if problem is None:
         sea = identify_seas([SeaRecord.of(trial, axis)])
-        return [ADEQUATE if sea.is_usable else DOUBTFUL, model_to_yaml({axis: sea.identified_model({})})]
+        return [began, ADEQUATE if sea.is_usable else DOUBTFUL, model_to_yaml({axis: sea.identified_model({})})]
     found = identify_problem(problem, IdentificationSettings())
-    return [found.verdict.level, model_to_yaml({axis: found.identified_model({})})]
+    return [began, found.verdict.level, model_to_yaml({axis: found.identified_model({})})]
 
 
-def _date_of(path: str) -> float | None:
-    """When a bag began, or the date in a name, s since 1970."""
-    if is_bag(path):
-        with opened_bag(path) as (readers, _):
-            began = min(reader.start_time for reader in readers) * 1e-9
-        if began > FIRST_DATE:
-            return float(began)
-    return _date_in(path)
+def _start_of(path: str) -> float | None:
+    """When the first message of a bag was received, s since 1970, by a clock that was set."""
+    if not is_bag(path):
+        return None
+    with opened_bag(path) as (readers, _):
+        first = next((each for reader in readers for each in reader.messages(reader.connections)), None)
+    began = 0.0 if first is None else first[1] * 1e-9
+    return began if began > FIRST_DATE else None
 
 
 def _date_in(path: str) -> float | None:

@@ -30,9 +30,10 @@ def _gm_of(entries: Sequence[Entry], gm: float | None) -> list[float]:
 
 def history_table(entries: Sequence[Entry], found: Sequence[Found], amplitude: float, gm: float | None) -> Table:
     """Every entry, with two standard deviations."""
-    changed = {
-        each.places[change.place]: f'change of {QUANTITIES[each.quantity]}' for each in found for change in each.changes
-    }
+    changed: dict[int, list[str]] = {}
+    for each in found:
+        for change in each.changes:
+            changed.setdefault(each.places[change.place], []).append(QUANTITIES[each.quantity])
     of_gm = _gm_of(entries, gm)
     rows = list(enumerate(entries))
     return Table.of(
@@ -51,15 +52,15 @@ def history_table(entries: Sequence[Entry], found: Sequence[Found], amplitude: f
         ('± [-]', lambda row: TWO_STD * row[1].damping_ratio_std, digits(2)),
         ('GM [m]' if gm else 'GM over the first', lambda row: of_gm[row[0]], digits(4)),
         ('±', lambda row: 2.0 * TWO_STD * of_gm[row[0]] * row[1].period_std / row[1].period, digits(2)),
-        ('change', lambda row: changed.get(row[0], '')),
+        ('change', lambda row: ' and '.join(changed.get(row[0], []))),
     )
 
 
 def history_sentences(entries: Sequence[Entry], found: Sequence[Found], axis: str, gm: float | None) -> list[str]:
     """What changed, and how sure that is."""
     used = [each for each in entries if each.is_used]
-    unused = f' ({len(entries) - len(used)} others are shown but not used: their fits are not adequate)'
-    said = [f'{axis}: {len(used)} entries{unused if len(used) < len(entries) else ""}.']
+    others = '; the fits of the others are not adequate' if len(used) < len(entries) else ''
+    said = [f'{axis}: {len(used)} of {len(entries)} entries are used{others}.']
     if len(used) < FEWEST:
         return [*said, f'A change can be told from {FEWEST} adequate entries on.']
     for each in found:
@@ -72,13 +73,13 @@ def history_sentences(entries: Sequence[Entry], found: Sequence[Found], axis: st
             shares = sorted(abs(share - 1.0) for share in (low, high))
             said.append(
                 f'{QUANTITIES[each.quantity]} {verb} by {percent(abs(factor - 1.0), 2)} ({percent(shares[0], 2)} to '
-                f'{percent(shares[1], 2)}, 95 %) {when}; of a craft that does not change, one history of '
-                f'{1.0 / change.chance:.0f} or fewer shows as much.'
+                f'{percent(shares[1], 2)}, 95 %) {when}; the probability that an unchanged craft shows as much is '
+                f'{percent(change.chance, 1)} or less.'
             )
         if not each.changes:
             said.append(f'{QUANTITIES[each.quantity]}: no change beyond doubt.')
     said.append(
-        f'A change is reported in one of {1.0 / FALSE_ALARM:.0f} histories of a craft that does not change.'
+        f'The test reports a change in {percent(FALSE_ALARM)} of the histories of a craft that does not change.'
         + ('' if gm else ' Give the GM of the first entries for GM in m.')
     )
     return [f'{line[0].upper()}{line[1:]}' for line in said]
