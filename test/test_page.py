@@ -150,7 +150,7 @@ def test_the_guide_leads_from_the_first_sample_to_a_kept_model(screen):
     screen.wait_for('2.6')
     screen.wait_for('1 release: 2.6', 'model')
     screen.wait_for('model off by 0.0', 'release')
-    screen.wait_for('deg: next release within', 'releases')
+    screen.wait_for('deg: next decay forecast to within', 'releases')
     level = tank.record.models['pitch'].metrics['verdict']
     assert screen.loud() == ['accept' if level == 'adequate' else 'restart']
     screen.press('accept')

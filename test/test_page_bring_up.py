@@ -45,7 +45,7 @@ def with_metrics(model, releases=1, **metrics):
             {'verdict': 'adequate', 'motion_error': 0.04},
             'accept',
             '',
-            'Next release within 4 %. The forecasts use it already. Keep it',
+            'Next decay forecast to within 4 % of its motion. The forecasts use it already. Keep it',
         ),
         ({'verdict': 'doubtful', 'verdict_sentence': 'from 8 deg'}, 'push', 'doubtful', 'from 8 deg'),
         ({'verdict': 'rejected', 'verdict_sentence': None}, 'push', 'rejected', 'release again'),
@@ -64,7 +64,7 @@ def test_only_what_its_file_calls_adequate_is_recommended(identified, metrics, a
 def test_a_further_release_is_said_to_have_added_what_it_did(identified):
     model = identified.record.models['pitch']
     first, second = with_metrics(model, 1, motion_error=0.08), with_metrics(model, 2, motion_error=0.03)
-    assert gain([first, second]) == 'next release within 3 % (8 % before)'
+    assert gain([first, second]) == 'next decay forecast to within 3 % of its motion (8 % before)'
     # the way back is no release
     assert 'before' not in gain([second, first])
     assert gain([with_metrics(model, motion_error=float('nan'))]) == ''

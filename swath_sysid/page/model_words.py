@@ -62,7 +62,7 @@ def gain(models: Sequence[IdentifiedModel]) -> str:
     """The gain of the last release for the models of an axis, the newest last; empty where not known."""
     error = error_of(models[-1])
     before = error_of(models[-2]) if len(models) > 1 and releases_in(models[-2]) < releases_in(models[-1]) else ''
-    return error and f'next release within {error}' + (f' ({before} before)' if before else '')
+    return error and f'next decay forecast to within {error} of its motion' + (f' ({before} before)' if before else '')
 
 
 def history(models: Sequence[IdentifiedModel], stamps: Iterable[float]) -> list[str]:
@@ -72,7 +72,7 @@ def history(models: Sequence[IdentifiedModel], stamps: Iterable[float]) -> list[
         count, error = releases_in(model), error_of(model)
         date = f'{datetime.fromtimestamp(stamp):%Y-%m-%d %H:%M}, ' if stamp else ''
         fit = f'{count} release{"s" if count != 1 else ""}' if count else 'identified'
-        within = f', next release within {error}' if error else ''
+        within = f', next decay to within {error} of its motion' if error else ''
         lines.append(f'{date}{verdict_of(model)[0]}, {fit}: {described(model)}{within}')
     return lines
 

@@ -126,8 +126,8 @@ def fit_in_words(found: Identification, inertia: float | None = None) -> list[st
         f'(extrapolated below {low:.2f} deg)',
         f'  R2 {found.r2:.6f}, {found.objective} objective {found.objective_value:.6g}, '
         f'{found.samples} samples, as informative as {found.effective_samples:.0f} independent samples',
-        f'  valid from {low:.2f} to {high:.2f} deg; found from the {found.search.start}; search ended by '
-        f'{found.search.stop} after {found.search.generations} generations',
+        f'  valid from {low:.2f} to {high:.2f} deg; found from the {found.search.start}'
+        + (f'; the search stopped by {found.search.stop}' if found.search.generations else ''),
     ]
     if inertia is not None:
         form = vars(to_published(model, inertia))
