@@ -1,7 +1,7 @@
-"""Draws the moving picture of the README, from a live run of a simulated craft: `python docs/draw_motion.py`.
+"""Draws the moving pictures of the README, light and dark, from a live run: `python docs/draw_motion.py`.
 
 It needs rclpy, as the nodes do, and takes about two minutes. Pushed, the craft decays without a known hull; the nodes
-identify the hull; pushed again, its forecasts follow the motion.
+identify the hull; pushed again, its forecasts follow the motion. The picture begins there.
 """
 
 import os
@@ -29,9 +29,21 @@ from swath_sysid.attitude.motion.attitude import euler_angles  # noqa: E402
 from swath_sysid.common.processes import verb_command  # noqa: E402
 from swath_sysid.formats.messages import stamp_ns  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml  # noqa: E402
-from swath_sysid.report.figures import BAND, MEASURED, MODEL, new_figure, quiet  # noqa: E402
+from swath_sysid.report.figures import (  # noqa: E402
+    BAND,
+    MEASURED,
+    MODEL,
+    loaded_matplotlib,
+    new_figure,
+    quiet,
+    use_plain_style,
+)
 
-PICTURE = Path(__file__).with_name('motion.gif')
+#: Picture to the colours of its ground and ink.
+PICTURES = {'motion.gif': ('#ffffff', MEASURED), 'motion_dark.gif': ('#0d1117', '#e6edf3')}
+GROUNDS = 'figure.facecolor', 'axes.facecolor'
+INKS = 'text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color'
+RELEASED = 3.0  #: s after a push, when the craft swings freely.
 PAST, AHEAD = 8.0, 5.0
 FRAMES_PER_SECOND, SPEED = 10, 1.5
 LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
@@ -112,12 +124,12 @@ def caption(seen, now):
     if now >= model_time:
         return f'3  Hull identified: natural period {known.model.natural_period:.2f} s, {known.verdict}'
     if now >= first:
-        return '2  Pushed and released: the decay is recorded' if now >= first + 3.0 else '1  Pushed'
+        return '2  Pushed and released: the decay is recorded' if now >= first + RELEASED else '1  Pushed'
     return '0  At rest, hull unknown'
 
 
-def draw(seen):
-    """The moving picture."""
+def draw(seen, path, ground, ink):
+    """A moving picture in two colours, beside those of the forecast."""
     figure = new_figure(6.4, 3.2)
     axes = quiet(figure.subplots())
     time_, roll = np.array(seen.roll).T
@@ -125,6 +137,7 @@ def draw(seen):
     reach = 1.3 * np.abs(roll).max()
     start, end = seen.lifted[0] - 2.0, time_[-1]
     moments = np.arange(start, end, SPEED / FRAMES_PER_SECOND)
+    moments = np.roll(moments, -np.searchsorted(moments, seen.lifted[1] + RELEASED))
 
     def frame(now):
         axes.clear()
@@ -132,19 +145,32 @@ def draw(seen):
         past = (time_ <= now) & (time_ >= now - PAST)
         ahead = (time_ > now) & (time_ <= now + AHEAD)
         _, leads, middle, std = seen.horizons[max(0, np.searchsorted(stamps, now, side='right') - 1)]
-        axes.fill_between(leads, middle - 1.645 * std, middle + 1.645 * std, color=BAND, alpha=0.6, linewidth=0)
-        axes.plot(time_[past] - now, roll[past], color=MEASURED, linewidth=1.6, label='measured')
-        axes.plot(time_[ahead] - now, roll[ahead], color=MEASURED, linewidth=1.0, linestyle=':', label='what came')
+        axes.fill_between(
+            leads,
+            middle - 1.645 * std,
+            middle + 1.645 * std,
+            color=BAND,
+            alpha=0.6 if ground == '#ffffff' else 0.3,
+            linewidth=0,
+        )
+        axes.plot(time_[past] - now, roll[past], color=ink, linewidth=1.6, label='measured')
+        axes.plot(time_[ahead] - now, roll[ahead], color=ink, linewidth=1.0, linestyle=':', label='what came')
         axes.plot(leads, middle, color=MODEL, linewidth=2.0, label='forecast and its 90 % interval')
-        axes.axvline(0.0, color=MEASURED, linewidth=0.8)
+        axes.axvline(0.0, color=ink, linewidth=0.8)
         axes.set(xlim=(-PAST, AHEAD), ylim=(-reach, reach), xlabel='time from now [s]', ylabel='roll [deg]')
         axes.set_title(caption(seen, now), loc='left')
         axes.legend(loc='lower left', fontsize=9, frameon=False, ncols=3)
         return ()
 
-    FuncAnimation(figure, frame, moments).save(PICTURE, PillowWriter(fps=FRAMES_PER_SECOND), dpi=110)
+    FuncAnimation(figure, frame, moments).save(path, PillowWriter(fps=FRAMES_PER_SECOND), dpi=110)
 
 
 if __name__ == '__main__':
-    draw(recorded())
-    print(f'wrote {PICTURE}, {PICTURE.stat().st_size / 1e6:.1f} MB')
+    run = recorded()
+    use_plain_style()
+    for name, (ground, ink) in PICTURES.items():
+        path = Path(__file__).with_name(name)
+        colours = {**dict.fromkeys(GROUNDS, ground), **dict.fromkeys(INKS, ink)}
+        with loaded_matplotlib().rc_context(colours):
+            draw(run, path, ground, ink)
+        print(f'wrote {path}, {path.stat().st_size / 1e6:.1f} MB')
