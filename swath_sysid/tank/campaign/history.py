@@ -92,7 +92,7 @@ class Series:
         kinds = [kind for kind in (~self.at_sea, self.at_sea) if kind.any()]
         return np.array(kinds, dtype=float).T
 
-    def part(self, start: int, end: int) -> 'Series':
+    def part(self, start: int, end: int | None) -> 'Series':
         """Some of the entries."""
         return Series(self.value[start:end], self.std[start:end], self.at_sea[start:end])
 
@@ -151,7 +151,7 @@ def changes_of(series: Series, chance: float, start: int = 0) -> list[Change]:
     more = 0
     for some in np.array_split(drawn, 1 + drawn.size * own.size // LARGEST_BLOCK):
         none, one, _ = series.likelihoods(some)
-        more += np.count_nonzero(one.max(axis=1) - none >= ratio)
+        more += int(np.count_nonzero(one.max(axis=1) - none >= ratio))
     found = (1 + more) / (DRAWS + 1)
     if found > chance:
         return []

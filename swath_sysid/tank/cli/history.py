@@ -80,8 +80,9 @@ def _followed(arguments: Namespace) -> int:
         parts += [paragraph(f'Left out: {line}', 'left-out') for line in left_out]
         write_text(folder / 'history.html', page(f'History of {arguments.axis}', [('history', 'History', parts)]))
     write_text(folder / 'history.csv', table_as_csv(table))
-    data = {'entries': table_as_data(table), 'left_out': left_out, 'report': str(folder / 'history.html')}
-    print_result(arguments.json, data, [*(f'left out: {line}' for line in left_out), data['report']], said)
+    report = str(folder / 'history.html')
+    data = {'entries': table_as_data(table), 'left_out': left_out, 'report': report}
+    print_result(arguments.json, data, [*(f'left out: {line}' for line in left_out), report], said)
     return PARTLY_DONE if left_out else DONE
 
 
@@ -159,6 +160,7 @@ def _date_in(path: str) -> float | None:
         return None
     year, _, *rest = match.groups()
     try:
-        return datetime(int(year), *(int(each or 0) for each in rest), tzinfo=UTC).timestamp()
+        month, day, hour, minute, second = (int(each or 0) for each in rest)
+        return datetime(int(year), month, day, hour, minute, second, tzinfo=UTC).timestamp()
     except ValueError:
         return None
