@@ -59,6 +59,7 @@ NOT_RUN = {
         'python examples/simulate_trials.py': 'takes minutes: the tutorial of a tank trial runs a smaller one',
         'pip install': 'needs other machines',
     },
+    'docs/howto/stability.md': {'swath-sysid history': 'needs the logs of many days: test_history.py makes some'},
     'docs/installation.md': {
         'python3 -m venv': INSTALLS,
         'PIP_BREAK': ROS_APT,
