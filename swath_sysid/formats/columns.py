@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from swath_sysid.formats.vocabulary import (
     listed_names,
     matched,
     plain_name,
+    plain_names,
     readings_of,
     spelt_names,
     unit_of,
@@ -36,6 +38,7 @@ SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3  #: Difference of two columns of one quan
 
 UNIT_ADVICE = 'add it to the name, as in roll_deg, gyro_x_rad_s or accel_z_m_s2'
 
+ATTITUDE = {'roll', 'pitch', 'quaternion_w'}
 DEVICE = 'device'  #: Among the assigned columns: the name of the table of one device.
 UNKNOWN = 'columns-unknown'  #: Code of the errors that an assignment of columns mends.
 
@@ -56,6 +59,10 @@ class _Match:
     def has_units(self, lacking: Lacking) -> bool:
         """Whether it has what is needed with units."""
         return any(clock[-1].unit for clock in self.clocks) and not lacking({c.reading for c in self.columns if c.unit})
+
+    def has_attitude(self) -> bool:
+        """Whether it has an angle, and not only rates."""
+        return not ATTITUDE.isdisjoint(column.reading for column in self.columns if column.unit is not None)
 
     def by_other_names(self, quantities: Iterable[Quantity]) -> bool:
         """Whether a column is read that no first choice of a name tells."""
@@ -135,8 +142,9 @@ def read_table(
                 matches.append(_matched(path, table, quantities, lacking, assigned))
             except InputError as error:
                 problems.append(error)
-        with_units = [match for match in matches if match.has_units(lacking)]
-        matches = with_units if len(with_units) == 1 else matches
+        for is_better in (partial(_Match.has_units, lacking=lacking), _Match.has_attitude):
+            better = [match for match in matches if is_better(match)]
+            matches = better if len(better) == 1 else matches
         if len(matches) != 1:
             raise _choice_is_open(path, tables, matches, problems)
         (match,) = matches
@@ -331,7 +339,7 @@ def _with_assigned(
     path: str | Path, table: NamedColumns, quantities: Iterable[Quantity], assigned: Mapping[str, str]
 ) -> list[str]:
     """The plain names, where the caller assigns a quantity those that say so; no other column holds it then."""
-    plain = [plain_name(name) for name in table.names]
+    plain = plain_names(table.names, Path(path) / table.name)
     known = {
         name: each
         for each in (Quantity('time', TIME_NAMES, (*TIME, SAMPLES, ''), FURTHER_TIMES), *quantities)

@@ -167,11 +167,14 @@ def _units_by_values(clock: Clock, columns: Sequence[Column], values: np.ndarray
     if all(column.unit is not None for column in columns):
         return found
     known = {column.reading: row * column.scale for column, row in zip(columns, values, strict=True) if column.unit}
+    largest = [np.nanmax(np.abs(row), initial=0.0) for row in values]
+    # beyond what radians can be: a yaw alone might count whole turns
+    is_large = any(largest[at] > LARGEST_ANGLES.get(column.reading, np.inf) for at, column in enumerate(columns))
     for place, column in enumerate(columns):
-        if column.unit is None and column.reading == 'heading':
-            largest = np.nanmax(values[place], initial=0.0)
-            if 1.01 * 2.0 * np.pi < largest <= 360.0 and np.nanmin(values[place], initial=0.0) >= 0.0:
-                found[place] = 'deg', f'it goes to {largest:.4g}'
+        is_positive = column.reading == 'heading' and np.nanmin(values[place], initial=0.0) >= 0.0
+        limit = 360.0 if is_positive else 180.0 if column.reading == 'yaw' and is_large else 0.0
+        if column.unit is None and 1.01 * 2.0 * np.pi < largest[place] <= limit:
+            found[place] = 'deg', f'it goes to {largest[place]:.4g}'
         if column.unit is not None or column.reading not in LARGEST_ANGLES:
             continue
         by_turn = next(
@@ -184,7 +187,7 @@ def _units_by_values(clock: Clock, columns: Sequence[Column], values: np.ndarray
             found[place] = by_rate, 'its rate says so'
     units = [unit for unit, _ in found.values()]
     for place, column in enumerate(columns if len(set(units)) == 1 else ()):
-        if column.unit is None and column.reading in LARGEST_ANGLES and np.nanmax(np.abs(values[place])) <= 180.0:
+        if column.unit is None and column.reading in LARGEST_ANGLES and largest[place] <= 180.0:
             found.setdefault(place, (units[0], 'the other angle is'))
     return found
 

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +16,22 @@ from swath_sysid.formats.cells import number_of
 from swath_sysid.formats.clocks import clocks_of
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, kind_of_cell
 from swath_sysid.formats.text_tables import NamedColumns, TableHead, check_size, of_arrays, read_long_head, rows_of
-from swath_sysid.formats.vocabulary import FIELD_NAMES, MOTION_QUANTITIES, VALUE_NAMES, matched, plain_name, with_unit
+from swath_sysid.formats.vocabulary import (
+    FIELD_NAMES,
+    MOTION_QUANTITIES,
+    TIME_NAMES,
+    VALUE_NAMES,
+    matched,
+    plain_name,
+    plain_names,
+    readings_of,
+    with_unit,
+)
 
 LABELLED = re.compile(r'([^{}]+)\{(.*)\}')  #: As Prometheus writes a series: ``roll_deg{device="a"}``.
 #: Between the name of a device and that of a reading, but not within the brackets of a unit.
 BETWEEN = re.compile(r'[/.](?![^\[(]*[\])])')
+NUMBERED = re.compile(r'[ ._]?\d+$')  #: What a program appends to a name that is there already.
 
 
 def is_motion(name: str) -> bool:
@@ -29,12 +40,33 @@ def is_motion(name: str) -> bool:
 
 
 def by_device(table: NamedColumns) -> list[NamedColumns]:
-    """A table for each device, where the names of the columns begin with one; else the table."""
-    split = [_device_and_reading(name) for name in table.names]
+    """A table for each device, where the names of the columns begin with one, or each has a time; else the table."""
+    if plain_names(table.names) != list(map(plain_name, table.names)):
+        return [table]  # of a program that is known
+    split = _by_time(table) or [_device_and_reading(name) for name in table.names]
     devices = dict.fromkeys(device for device, name in split if device and is_motion(name))
     if not devices or any(is_motion(name) for device, name in split if not device):
         return [table]
     return [_of_device(table, split, device, devices.keys() - {device}) for device in devices]
+
+
+def _by_time(table: NamedColumns) -> list[tuple[str, str]]:
+    """Device and reading of each column, where columns of motion follow several times that differ; else nothing."""
+    names, bare = table.names, [NUMBERED.sub('', name) for name in table.names]
+    times = [at for at, name in enumerate(bare) if any(stem in TIME_NAMES for stem, _ in readings_of(plain_name(name)))]
+    times = [at for at in times if plain_name(bare[at]) == plain_name(bare[times[0]])]
+    blocks = [range(*ends) for ends in pairwise([*times, len(names)])]
+    if len(times) < 2 or not all(any(is_motion(bare[at]) for at in block) for block in blocks):
+        return []
+    first, *others = table.read(times, None)[0]
+    if all(np.array_equal(first, other, equal_nan=True) for other in others):
+        return []
+    split = [('', name) for name in names]
+    for number, block in enumerate(blocks, 1):
+        device = names[block[0]] + f' ({number})' * (names.count(names[block[0]]) > 1)
+        for at in block:
+            split[at] = device, names[at] if is_motion(names[at]) else bare[at]
+    return split
 
 
 def _device_and_reading(name: str) -> tuple[str, str]:

@@ -33,7 +33,7 @@ def kind_of(path: str | Path) -> TankFormat | None:
     if len(start) >= MATLAB_4.size and any(map(_is_matlab_4, (MATLAB_4, MATLAB_4_BIG), repeat(start))):
         return TANK[0]
     for kind in TANK:
-        if not start.startswith(kind.start) or kind.member and not _is_archive_of(path, kind):
+        if not start.startswith(kind.start) or kind.start.startswith(b'PK') and not _is_archive_of(path, kind):
             continue
         is_nmea = kind.module == 'nmea' and NMEA.search(start)
         if kind.start or is_nmea or Path(path).suffix.lower() == kind.ending:
@@ -117,6 +117,6 @@ def _is_archive_of(path: str | Path, kind: TankFormat) -> bool:
         return True
     try:
         with zipfile.ZipFile(path) as archive:
-            return kind.member in archive.namelist()
+            return bool(kind.member) and kind.member in archive.namelist()
     except zipfile.BadZipFile:
         return False

@@ -79,6 +79,8 @@ UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
 
 TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text may hold.
 
+BREAK = re.compile(r'\s*[\r\n]\s*')
+OPEN = re.compile(rb'''(^|[,;\t|])"[^"]*[\r\n]$''')  #: A quote that its line does not end.
 QUOTED = re.compile(r'"([^"\n]*)"')
 WIDE, BEFORE_UNIT = re.compile(r'\s\s+|\t'), re.compile(r'\s+(?=[\[(])')  #: Beside names of several words.
 #: Signs and blanks as word processors write them, in UTF-8 or a code page of one byte.
@@ -125,8 +127,8 @@ def read_head(path: str | Path) -> TableHead:
         raise InputError(f'{path} is empty: record or export it again')
     if head.translate(None, TEXT_BYTES + b'\0') or b'\0' in head[:64]:
         raise InputError(f'{path} is not a text file in UTF-8 or UTF-16: give a CSV, an MTi text export or a bag')
-    raw = head.splitlines(keepends=True)
-    lines = [_text(line).strip(' \r\n\0') for line in raw]
+    raw = _lines(head)
+    lines = [BREAK.sub(' ', _text(line).strip(' \r\n\0')) for line in raw]
     if all(not line or _is_comment(line) for line in lines):
         raise InputError(f'{path} holds only comments: give a file with a line of column names and lines of numbers')
     found, delimiter, rows = _located(lines)
@@ -144,7 +146,7 @@ def read_head(path: str | Path) -> TableHead:
         remarks=_remarks(above),
         delimiter=delimiter,
         decimal_comma=decimal_comma,
-        first_line=found.first + 1,
+        first_line=1 + sum(len(line.splitlines()) for line in raw[: found.first]),
         offset=offset,
         kinds=kinds,
         thousands=thousands,
@@ -159,6 +161,17 @@ def no_names(path: str | Path, cells: Sequence[str]) -> InputError:
         f"{path} has no line of column names: put one above the numbers, such as 'time_s,roll_deg'; its first row is "
         f'{shown(", ".join(cells))}'
     )
+
+
+def _lines(head: bytes) -> list[bytes]:
+    """Lines with their ends; a break between the quotes around a name ends none."""
+    lines: list[bytes] = []
+    for line in head.splitlines(keepends=True):
+        if lines and OPEN.search(lines[-1]) and b'"' in line and len(lines[-1]) < ROWS_OF_SAMPLE:
+            lines[-1] += line
+        else:
+            lines.append(line)
+    return lines
 
 
 def read_long_head(path: str | Path) -> TableHead | None:

@@ -57,6 +57,18 @@ def plain_name(name: str) -> str:
     return re.sub('_(per|p)_', '_', plain)
 
 
+def plain_names(names: Sequence[str], file: str | Path = '') -> list[str]:
+    """The plain names of a table; of one that a program in columns.yaml exports, what they mean."""
+    plain = [plain_name(name) for name in names]
+    for said in _TABLE['exports']:
+        for word in said.get('for', ' '):
+            has, without, are = ([n.replace('*', word) for n in said.get(key, ())] for key in ('has', 'without', 'are'))
+            if set(has) <= set(plain) and not set(without) & set(plain) and said.get('file', '') in str(file).lower():
+                meant = dict(zip(are, said['are'].values(), strict=True))
+                return [meant.get(name, name) for name in plain]
+    return plain
+
+
 def with_unit(name: str, unit: str) -> str:
     """``Roll [deg]``, unless the name says its unit already."""
     plain = plain_name(unit)

@@ -25,12 +25,14 @@ FIELDS = {
 
 def tables(path: str | Path) -> list[NamedColumns]:
     """The one table of the attitude."""
-    from pymavlink.DFReader import DFReader_binary
+    from pymavlink.DFReader import DFReader_binary, DFReader_text
 
     rows: dict[str, list[list[float]]] = {kind: [] for kind in FIELDS}
     # the library prints the place of every damaged byte
     with redirect_stderr(io.StringIO()):
-        log = DFReader_binary(str(path))
+        with open(path, 'rb') as file:
+            reader = DFReader_text if file.read(1) == b'F' else DFReader_binary
+        log = reader(str(path))
         while (message := log.recv_match(type=list(FIELDS))) is not None:
             # newer logs number the sensors
             if getattr(message, 'I', 0) == 0:
