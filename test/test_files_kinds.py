@@ -60,7 +60,9 @@ def sensor_logger(path):
 
 def phyphox(path):
     rates = {f'Gyroscope {axis} (rad/s)': np.radians(RATE) * (axis == 'x') for axis in 'xyz'}
-    zipped(path, {'Gyroscope.csv': table({'Time (s)': TIME, **rates}), 'meta/device.csv': 'property,value\nversion,1\n'})
+    zipped(
+        path, {'Gyroscope.csv': table({'Time (s)': TIME, **rates}), 'meta/device.csv': 'property,value\nversion,1\n'}
+    )
 
 
 def psoncms(path):
@@ -77,7 +79,10 @@ def mti(path):
 
 def ardupilot(path):
     pytest.importorskip('pymavlink')
-    heads = ('FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns', 'FMT, 130, 21, ATT, QccC, TimeUS,Roll,Pitch,Yaw')
+    heads = (
+        'FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns',
+        'FMT, 130, 21, ATT, QccC, TimeUS,Roll,Pitch,Yaw',
+    )
     rows = (f'ATT, {1e6 * (t + 5.0):.0f}, {a:.2f}, {b:.2f}, 0.00' for t, a, b in zip(TIME, ROLL, -PITCH, strict=True))
     path.write_text('\n'.join((*heads, *rows)) + '\n')
 
@@ -154,7 +159,9 @@ def bag(path, *topics):
                 stamp = 1_700_000_000_000_000_000 + round(1e9 * t)
                 none = np.array([-1.0, *8 * [0.0]])
                 zeros = 3 * (0.0,), none
-                sent = layout.make(IMU, layout.header(stamp, 'imu'), tuple(map(float, parts)), np.zeros(9), *zeros, *zeros)
+                sent = layout.make(
+                    IMU, layout.header(stamp, 'imu'), tuple(map(float, parts)), np.zeros(9), *zeros, *zeros
+                )
                 writer.write(connection, stamp, STORE.serialize_cdr(sent, IMU))
 
 
@@ -194,7 +201,9 @@ KINDS = {
     'ROS 2, two sensors': lambda path: bag(path, '/bow/imu', '/stern/imu'),
 }  # fmt: skip
 ROWS = {
-    cells[0]: cells[1:] for line in PAGE.splitlines() if len(cells := line.strip('| ').split(' | ')) == 4 and '`' in cells[3]
+    cells[0]: cells[1:]
+    for line in PAGE.splitlines()
+    if len(cells := line.strip('| ').split(' | ')) == 4 and '`' in cells[3]
 }
 
 

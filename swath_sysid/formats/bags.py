@@ -499,7 +499,9 @@ def intact_messages(
             expected = sum(c.msgcount for c in connections)
             if read < expected:
                 lost = expected - read
-                advice.append(Advice.of('incomplete-bag', path=path, lost=lost, expected=expected, share=lost / expected))
+                advice.append(
+                    Advice.of('incomplete-bag', path=path, lost=lost, expected=expected, share=lost / expected)
+                )
         except Exception as error:  # the libraries raise whatever a broken byte leads them to
             reason = f'{_reason(path, error)} after {read} of {sum(c.msgcount for c in connections)} messages'
             advice.append(Advice.of('damaged-bag', path=path, reason=reason))

@@ -57,6 +57,11 @@ def with_advice(table: NamedColumns, advice: tuple[Advice, ...]) -> NamedColumns
     return replace(table, read=read)
 
 
+def damage_advice(path: str | Path, said: str) -> tuple[Advice, ...]:
+    """What a library says of the parts of a file that it passes over; nothing where it is silent."""
+    return (Advice.of('damaged-bag', path=path, reason=shown(said)),) if said.strip() else ()
+
+
 def check_size(path: str | Path, unpacked: int) -> None:
     """Refuse a file that would unpack to more than a memory holds."""
     if unpacked > LARGEST_UNPACKED:
@@ -79,8 +84,8 @@ UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
 
 TEXT_BYTES = bytes((*b'\t\n\v\f\r', *range(0x20, 0x100)))  #: Bytes that a text may hold.
 
-BREAK = re.compile(r'\s*[\r\n]\s*')
-OPEN = re.compile(rb'''(^|[,;\t|])"[^"]*[\r\n]$''')  #: A quote that its line does not end.
+BREAK = re.compile(r'[\r\n]+')
+OPEN = re.compile(rb'(^(\xef\xbb\xbf)?|[,;\t|])"[^"]*[\r\n]$')  #: A quote that its line does not end.
 QUOTED = re.compile(r'"([^"\n]*)"')
 WIDE, BEFORE_UNIT = re.compile(r'\s\s+|\t'), re.compile(r'\s+(?=[\[(])')  #: Beside names of several words.
 #: Signs and blanks as word processors write them, in UTF-8 or a code page of one byte.
@@ -167,7 +172,7 @@ def _lines(head: bytes) -> list[bytes]:
     """Lines with their ends; a break between the quotes around a name ends none."""
     lines: list[bytes] = []
     for line in head.splitlines(keepends=True):
-        if lines and OPEN.search(lines[-1]) and b'"' in line and len(lines[-1]) < ROWS_OF_SAMPLE:
+        if 0 < len(lines) < ROWS_OF_SAMPLE and OPEN.search(lines[-1]) and len(lines[-1]) < ROWS_OF_SAMPLE:
             lines[-1] += line
         else:
             lines.append(line)

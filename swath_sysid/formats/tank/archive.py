@@ -15,6 +15,7 @@ import numpy as np
 
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.table_files import tables_in
 from swath_sysid.formats.text_tables import NamedColumns, Progress, check_size
 
 
@@ -27,7 +28,7 @@ def tables(path: str | Path) -> list[NamedColumns]:
     for name in (member.filename for member in members):
         try:
             with _unpacked(path, name) as file:
-                inner = _tables_in(file)
+                inner = tables_in(file)
         except InputError as error:
             problems.append(error)
             continue
@@ -39,12 +40,6 @@ def tables(path: str | Path) -> list[NamedColumns]:
     if not found:
         raise problems[0] if problems else InputError(f'{path} is a zip archive without a CSV file: unpack it')
     return found
-
-
-def _tables_in(file: Path) -> list[NamedColumns]:
-    from swath_sysid.formats.table_files import tables_in
-
-    return tables_in(file)
 
 
 @contextmanager
@@ -63,4 +58,4 @@ def _read(
     path: str | Path, name: str, place: int, places: Sequence[int], progress: Progress | None
 ) -> tuple[np.ndarray, tuple[Advice, ...]]:
     with _unpacked(path, name) as file:
-        return _tables_in(file)[place].read(places, progress)
+        return tables_in(file)[place].read(places, progress)

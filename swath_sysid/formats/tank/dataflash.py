@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.text_tables import NamedColumns, check_size, of_arrays
+from swath_sysid.formats.text_tables import NamedColumns, check_size, damage_advice, of_arrays, with_advice
 
 #: Fields of the messages, and the columns that they are.
 FIELDS = {
@@ -29,7 +29,7 @@ def tables(path: str | Path) -> list[NamedColumns]:
 
     rows: dict[str, list[list[float]]] = {kind: [] for kind in FIELDS}
     # the library prints the place of every damaged byte
-    with redirect_stderr(io.StringIO()):
+    with redirect_stderr(io.StringIO()) as said:
         with open(path, 'rb') as file:
             reader = DFReader_text if file.read(1) == b'F' else DFReader_binary
         log = reader(str(path))
@@ -46,7 +46,7 @@ def tables(path: str | Path) -> list[NamedColumns]:
     _, at = next(sensor, ('', np.nan))
     for column, values in sensor:
         attitude[column] = np.interp(attitude['time_us'], at, values, left=np.nan, right=np.nan)
-    return [of_arrays(attitude, {'frame': 'frd'}, '')]
+    return [with_advice(of_arrays(attitude, {'frame': 'frd'}, ''), damage_advice(path, said.getvalue()))]
 
 
 def _field(message: Any, name: str) -> float:

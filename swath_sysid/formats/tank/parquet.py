@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.formats.cells import numbers_of
+from swath_sysid.formats.table_heads import kind_of_cell
 from swath_sysid.formats.text_tables import NamedColumns, Progress, check_size
 
 
@@ -19,6 +20,7 @@ def tables(path: str | Path) -> list[NamedColumns]:
     with parquet.ParquetFile(path) as file:
         schema, remarks = file.schema_arrow, file.metadata.metadata or {}
         check_size(path, file.metadata.num_rows * len(schema.names))
+        first = next(file.iter_batches(1), None)
 
     def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, tuple[()]]:
         names = [schema.names[place] for place in places]
@@ -33,4 +35,7 @@ def tables(path: str | Path) -> list[NamedColumns]:
 
     said = {key.decode().lower(): value.decode() for key, value in remarks.items() if not key.startswith(b'ARROW')}
     dates = {place: 'date' for place, kind in enumerate(schema.types) if types.is_timestamp(kind)}
+    for place, kind in enumerate(schema.types if first else ()):
+        if types.is_string(kind) or types.is_large_string(kind) or types.is_time(kind):
+            dates[place] = kind_of_cell(first.column(place)[0].as_py())
     return [NamedColumns(tuple(schema.names), read, said, dates)]

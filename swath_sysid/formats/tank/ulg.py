@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.text_tables import NamedColumns, check_size, of_arrays
+from swath_sysid.formats.text_tables import NamedColumns, check_size, damage_advice, of_arrays, with_advice
 
 #: Topic, names of its fields, and the columns that they are: of each kind the first topic that a log holds.
 FURTHER = (
@@ -23,7 +23,8 @@ def tables(path: str | Path) -> list[NamedColumns]:
     from pyulog import ULog
 
     wanted = ['vehicle_attitude', *dict.fromkeys(topic for *topics, _ in FURTHER for topic, _ in topics)]
-    found = {each.name: each.data for each in reversed(ULog(str(path), wanted).data_list)}
+    log = ULog(str(path), wanted)
+    found = {each.name: each.data for each in reversed(log.data_list)}
     if 'vehicle_attitude' not in found:
         raise InputError(f'{path} is a PX4 log without the topic vehicle_attitude: log it (SDLOG_PROFILE)')
     attitude = found['vehicle_attitude']
@@ -35,4 +36,5 @@ def tables(path: str | Path) -> list[NamedColumns]:
         for k, part in enumerate('xyz' if topic else ''):
             at, values = found[topic]['timestamp'].astype(float), found[topic][field.format(k)].astype(float)
             columns[column.format(part)] = np.interp(stamps, at, values, left=np.nan, right=np.nan)
-    return [of_arrays(columns, {'frame': 'frd'}, '')]
+    damage = 'parts of it cannot be read' if getattr(log, 'file_corruption', False) else ''
+    return [with_advice(of_arrays(columns, {'frame': 'frd'}, ''), damage_advice(path, damage))]
