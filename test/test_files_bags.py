@@ -4,6 +4,7 @@ import resource
 import shutil
 import sqlite3
 from contextlib import closing
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -454,3 +455,11 @@ def test_attitude_of_other_messages_is_read_from_the_topic_chosen(tmp_path, kind
     assert np.allclose(trial.time, (stamps - stamps[0]) / 1e9, atol=1e-9)
     assert ('no-header-stamps' in codes(trial)) == ('Stamped' not in kind)
     assert len(read_readings(tmp_path / 'bag', 'rpy', columns=columns)) == COUNT
+
+
+def test_messages_that_an_index_counts_and_no_reader_finds_are_told(tmp_path):
+    counted = SimpleNamespace(topic='/imu', msgcount=5)
+    reader = SimpleNamespace(connections=[counted], messages=lambda connections: iter([(counted, 1, b'')] * 3))
+    advice = []
+    assert len(list(bags.intact_messages(tmp_path, [reader], {'/imu'}, advice))) == 3
+    assert [each.code for each in advice] == ['incomplete-bag'] and '2 of the 5 messages' in advice[0].message

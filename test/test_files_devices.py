@@ -110,3 +110,39 @@ def test_a_name_that_two_columns_bear_chooses_neither(tmp_path):
     (tmp_path / 'twice.csv').write_text('\n'.join(['time_s,X,X', *rows]))
     with pytest.raises(InputError, match="2 columns 'X'"):
         read_trial(tmp_path / 'twice.csv', columns={'roll': 'X:deg'})
+
+
+@pytest.mark.parametrize('later', [0.0, 0.01])
+def test_two_times_are_one_only_if_they_are_equal(tmp_path, later):
+    rows = zip(TIME, ROLL['fore'], TIME + later, PITCH['fore'], strict=True)
+    path = tmp_path / 'twice.csv'
+    path.write_text('\n'.join(['time_s,roll_deg,time_s.1,pitch_deg', *(','.join(map(str, row)) for row in rows)]))
+    if later:
+        with pytest.raises(InputError, match=r'2 tables that can be read \(time_s, time_s.1\)'):
+            read_trial(path)
+        trial = read_trial(path, columns={'device': 'time_s.1'})
+        assert trial.roll is None and trial.time == pytest.approx(TIME + later)
+        return
+    trial = read_trial(path)
+    assert np.degrees(trial.roll) == pytest.approx(ROLL['fore']) and np.degrees(trial.pitch) == pytest.approx(
+        PITCH['fore']
+    )
+
+
+@pytest.mark.parametrize('parts,unit', [('123', 'deg'), ('123', ''), ('0123', '')])
+def test_numbered_parts_of_three_are_angles_and_without_a_sign_of_their_unit_are_refused(tmp_path, parts, unit):
+    """The yaw goes beyond two pi, which a yaw in radians may too; roll and pitch only in degrees."""
+    scale = 1.0 if unit else np.pi / 180.0
+    angles = [ROLL['fore'] * scale, PITCH['fore'] * scale, 30.0 + 100.0 * np.sin(0.2 * TIME), 0 * TIME][: len(parts)]
+    rows = zip(TIME, *angles, strict=True)
+    path = tmp_path / 'vector.csv'
+    names = ','.join(f'attitude_{part}' for part in parts)
+    path.write_text('\n'.join([f'time_s,{names}', *(','.join(map(str, row)) for row in rows)]))
+    if not unit:
+        with pytest.raises(InputError):
+            read_trial(path)
+        return
+    trial = read_trial(path)
+    assert np.degrees(trial.roll) == pytest.approx(ROLL['fore']) and np.degrees(trial.pitch) == pytest.approx(
+        PITCH['fore']
+    )

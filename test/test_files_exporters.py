@@ -28,7 +28,8 @@ exports = st.fixed_dictionaries(
     {
         'format': st.sampled_from(['csv', 'csv', 'xlsx', 'zip', 'mat', 'h5', 'parquet']),
         'names': st.sampled_from(
-            [('roll', 'pitch'), ('Heel', 'Trim'), ('Krängung', 'Trimm'), ('imu_roll', 'imu_pitch'), ('rollio', 'beccheggio')]
+            [('roll', 'pitch'), ('Heel', 'Trim'), ('Krängung', 'Trimm'), ('imu_roll', 'imu_pitch'),
+             ('rollio', 'beccheggio')]
         ),
         'unit': st.sampled_from(['deg', 'deg', 'rad', '°', 'mrad']),
         'said': st.sampled_from(['{}_{}', '{} [{}]', '{} ({})', '{}\n[{}]']),
@@ -135,7 +136,7 @@ def write(path, export):
 
 
 def plain(name):
-    said = name.replace('°', 'deg')
+    said = name.replace('°', 'deg').replace('ä', 'ae')
     return ''.join(letter if letter.isascii() and letter.isalnum() else '_' for letter in said).strip('_')
 
 
