@@ -330,9 +330,10 @@ class BlockParser:
             if not line.strip() or is_comment:
                 continue
             if len(cells) < needed:
-                self.short_rows += 1
-                self.first_short = self.first_short or number
                 cells += [''] * (needed - len(cells))
+                if any(cells[index].strip() for index in self.indices):  # else it is empty, or of another device
+                    self.short_rows += 1
+                    self.first_short = self.first_short or number
             rows.append([self._number(cells[index], number, index) for index in self.indices])
         return np.array(rows, dtype=float).reshape(-1, len(self.indices))
 
