@@ -35,7 +35,8 @@ def tables(path: str | Path) -> list[NamedColumns]:
 
     said = {key.decode().lower(): value.decode() for key, value in remarks.items() if not key.startswith(b'ARROW')}
     dates = {place: 'date' for place, kind in enumerate(schema.types) if types.is_timestamp(kind)}
-    for place, kind in enumerate(schema.types if first else ()):
+    for place, column in enumerate(first.columns if first else ()):
+        kind = schema.types[place]
         if types.is_string(kind) or types.is_large_string(kind) or types.is_time(kind):
-            dates[place] = kind_of_cell(first.column(place)[0].as_py())
+            dates[place] = kind_of_cell(column[0].as_py())
     return [NamedColumns(tuple(schema.names), read, said, dates)]
