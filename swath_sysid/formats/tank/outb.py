@@ -36,7 +36,8 @@ def tables(path: str | Path) -> list[NamedColumns]:
         is_packed = kind == WITH_TIMES
         time = (_numbers(file, '<i4', rows) - second) / first if is_packed else first + second * np.arange(rows)
         packed = _numbers(file, '<f8' if kind == UNPACKED else '<i2', rows * channels).reshape(rows, channels)
-    values = np.vstack([time, ((packed - offset) / scale).T])
+    with np.errstate(all='ignore'):  # of a damaged file
+        values = np.vstack([time, ((packed - offset) / scale).T])
     columns = {with_unit(name, unit): row for name, unit, row in zip(names, units, values, strict=True)}
     return [of_arrays(columns, {}, '')]
 
