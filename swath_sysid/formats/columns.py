@@ -67,7 +67,9 @@ class _Match:
     def by_other_names(self, quantities: Iterable[Quantity]) -> bool:
         """Whether a column is read that no first choice of a name tells."""
         known = spelt_names(quantities)
-        names = (self.plain[column.index] for column in self.columns if column.index is not None)
+        meant, places = plain_names(self.table.names, self.table.name), [column.index or 0 for column in self.columns]
+        # as written, unless it was assigned
+        names = (plain_name(self.table.names[k]) if self.plain[k] == meant[k] else self.plain[k] for k in places)
         return any(known.keys().isdisjoint(stem for stem, _ in readings_of(name)) for name in names)
 
 
