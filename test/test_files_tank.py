@@ -366,7 +366,7 @@ def test_an_ardupilot_log_holds_the_attitude_and_the_rates_at_its_times(tmp_path
         log += struct.pack('<3s2B4s16s64s', b'\xa3\x95\x80', number, size, *map(str.encode, (name, fields, names)))
         known[name] = reader.DFFormat(number, name, size, fields, names)
     for t, angle, turn in zip(TIME, 100.0 * ROLL, rate, strict=True):
-        at = int((1e6 if clock == 'TimeUS' else 1e3) * (t + 5.0))
+        at = round((1e6 if clock == 'TimeUS' else 1e3) * (t + 5.0))
         imu = [[at, sensor, turn if sensor == 0 else 9.0, 0.0, 0.0, 0.0, 0.0, -9.81] for sensor in (0, 1)]
         for name, values in (*(('IMU', each) for each in imu), ('ATT', [at, round(angle), 0, 0])):
             log += reader.DFMessage(known[name], values, True, None).get_msgbuf()
