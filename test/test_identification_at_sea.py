@@ -259,6 +259,26 @@ def test_the_command_line_takes_waves_for_waves(sea_file, tmp_path, capsys):
     assert data['identified_from'] == 'motion in waves' and data['equation'] == 'linear'
     assert data['natural_period_s'] == pytest.approx(LINEAR.natural_period, rel=0.03)
     assert {'natural_period_std_s', 'damping_ratio_std', 'reference_amplitude_rad'} <= set(data)
+    assert data['natural_period_std_s'] > 0.0 and data['ratios']['r1']['std'] > 0.0
+
+
+@pytest.mark.long
+def test_what_is_not_usable_has_no_standard_deviations_but_reasons(found):
+    """The deviations of a result that fails a condition are not to be trusted, and each condition says what would do."""
+    assert found.is_usable and not found.shortcomings
+    hidden = replace(found, natural_period_std=1.5 * PERIOD_USABLE * found.natural_period)
+    short = hidden.shortcomings[0].message
+    assert f'About {np.ceil(1.5**2 * found.duration / 60):.0f} minutes' in short and '5.2% (needed: 3.5%)' in short
+    far = replace(found, damping_ratio_std=3.0 * found.damping_ratio)
+    assert 'hardly do' in far.shortcomings[0].message
+    rough, apart = replace(found, is_smooth=False), replace(found, apart=2.5)
+    codes = [[each.code for each in bad.shortcomings] for bad in (hidden, far, rough, apart)]
+    assert codes == [['sea-hides-hull'], ['sea-hides-hull'], ['sea-not-fitted'], ['parts-disagree']]
+    for bad in (hidden, far, rough, apart):
+        assert not bad.is_usable and all(each in bad.advice for each in bad.shortcomings)
+        data, words = at_sea_as_data(bad), at_sea_in_words(bad)
+        assert data['natural_period_std_s'] is data['damping_ratio_std'] is data['ratios']['b1']['std'] is None
+        assert 'not usable' in words[0] and '+-' not in words[-1] and not any(line.startswith('  r1') and '+-' in line for line in words)
 
 
 @pytest.mark.parametrize(

@@ -463,8 +463,14 @@ def test_a_boat_that_tacks_is_not_released_and_unlike_releases_are_not_fitted_to
         heading = 0.5 * turned * np.tanh((motion.time - decay.start) / PERIOD) + biased * motion.time
         with_heading = replace(motion, heading=np.column_stack([motion.time, np.radians(heading)]))
         assert len(find_decays(with_heading)) == number, (turned, biased)
+        if not number:
+            absence = explain_absence(with_heading)
+            assert absence.code == 'craft-turned' and '80 deg' in absence.message.replace('79 deg', '80 deg')
     quick, soft = (replace(decay, start=90.0, end=99.0, period=ratio * PERIOD) for ratio in (0.3, 1.2))
-    assert to_be_fitted((decay, quick)) == (decay,) and to_be_fitted((decay, soft)) == (decay, soft)
+    assert to_be_fitted((decay, soft)) == (decay, soft)
+    (kept,) = to_be_fitted((decay, quick))
+    assert replace(kept, advice=()) == replace(decay, advice=())
+    assert kept.advice[-1].code == 'unlike-releases' and f'{quick.period:.3g} s from 90.0 s' in kept.advice[-1].message
 
 
 def test_absence_says_what_was_seen_and_what_to_do():

@@ -9,6 +9,7 @@ import numpy as np
 TWO_STD = 2.0  #: Standard deviations within which chance stays in 95 % of cases: the coverage factor k.
 THREE_STD = 3.0  #: Standard deviations that chance exceeds in one of 300 cases.
 SIGNIFICANT = 4.0  #: Standard deviations beyond which a difference is not chance.
+CRITERION_MARGIN = 10.0  #: A difference of twice the log-likelihood that Kass and Raftery (1995) call very strong.
 UNCERTAIN = 0.5  #: An error, or a standard deviation, beyond this share of a value makes it uncertain.
 CONFIDENCE = 0.95  #: Of the intervals that are stated.
 

@@ -85,10 +85,13 @@ def at_sea_figure(found: AtSeaIdentification) -> figures.Figure:
     spectrum.set(xlabel='frequency [Hz]', ylabel=f'{found.model.axis} [deg²/Hz]')
     excitation.set(xlabel='frequency [Hz]', ylabel='exciting moment / inertia [(rad/s²)² s]')
     _response(response, found)
+    period_std, damping_std = (
+        f' ± {std:.2g}' if found.is_usable else '' for std in (found.natural_period_std, found.damping_ratio_std)
+    )
     figure.suptitle(
-        f'{found.model.axis} at sea: natural period {found.natural_period:.3f} ± {found.natural_period_std:.2g} s,  '
-        f'equivalent damping ratio {found.damping_ratio:.3f} ± {found.damping_ratio_std:.2g}  '
-        f'at {math.degrees(found.amplitude):.2g} deg',
+        f'{found.model.axis} at sea: natural period {found.natural_period:.3f}{period_std} s,  '
+        f'equivalent damping ratio {found.damping_ratio:.3f}{damping_std}  '
+        f'at {math.degrees(found.amplitude):.2g} deg{"" if found.is_usable else " (not usable)"}',
         fontsize='medium',
     )
     return figure

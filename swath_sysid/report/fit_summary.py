@@ -74,9 +74,9 @@ def at_sea_as_data(found: AtSeaIdentification, wall_s: float | None = None) -> d
     data = _as_data(found, wall_s) | {
         'identified_from': 'motion in waves',
         'natural_period_s': found.natural_period,
-        'natural_period_std_s': found.natural_period_std,
-        'damping_ratio_std': found.damping_ratio_std,
-        'correlation': float(correlation(found.estimate_covariance)[0, 1]),
+        'natural_period_std_s': found.natural_period_std if found.is_usable else None,
+        'damping_ratio_std': found.damping_ratio_std if found.is_usable else None,
+        'correlation': float(correlation(found.estimate_covariance)[0, 1]) if found.is_usable else None,
         'reference_amplitude_rad': found.amplitude,
         'reference_amplitude_std_rad': found.amplitude_std,
         'valid_amplitude_rad': [found.amplitude, found.amplitude],
@@ -88,6 +88,8 @@ def at_sea_as_data(found: AtSeaIdentification, wall_s: float | None = None) -> d
         'segments_s': [[float(each.time[0]), float(each.time[-1])] for each in found.motions],
         'sources': [each.source for each in found.motions],
     }
+    if not found.is_usable:
+        data['ratios'] = {name: {**ratio, 'std': None} for name, ratio in data['ratios'].items()}
     return finite_or_none(data)
 
 
@@ -146,25 +148,30 @@ def conclusion_of(found: Identification) -> list[str]:
 
 
 def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
-    """Lines for a reader."""
-    model = found.model
+    """Lines for a reader; a result that is not usable has no standard deviations that could be relied on."""
+    model, usable = found.model, found.is_usable
+    period_std, damping_std = (
+        f' +- {std:.2g}' if usable else '' for std in (found.natural_period_std, found.damping_ratio_std)
+    )
+    ratios = ratio_lines(found) if usable else [f'  {name:<3}{value:>14.6g}' for name, value in model.terms.items()]
     return [
-        f'{_axis_of(found)}: identified at sea, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '
+        f'{_axis_of(found)}: identified at sea{"" if usable else ", not usable"}, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '
         f'+- {math.degrees(found.amplitude_std):.2g}',
         '  no verdict, as there was no release to judge by: score forecasts with this model instead',
         *(
             f'  {short_name(each.source)}: motion in waves from {each.time[0]:.1f} to {each.time[-1]:.1f} s'
             for each in found.motions
         ),
-        *ratio_lines(found),
+        *ratios,
         f'  mean angle {math.degrees(model.trim):.2f} deg +- {math.degrees(found.trim_std):.2g}; '
         f'waves: {SEAS[found.sea]}',
         f'  the exciting moment peaks at a period of {found.peak_period:.3g} s; it follows the slope of the waves, so '
         'their height peaks at a longer one',
         f'  the excitation deviates from such waves by {found.roughness:.0%}; periods of parts fitted alone are '
         f'{found.apart:.1f} standard deviations apart',
-        f'  natural period {found.natural_period:.3f} s +- {found.natural_period_std:.2g}, equivalent damping ratio '
-        f'{found.damping_ratio:.3f} +- {found.damping_ratio_std:.2g}',
+        f'  natural period {found.natural_period:.3f} s{period_std}, equivalent damping ratio '
+        f'{found.damping_ratio:.3f}{damping_std}'
+        + ('' if usable else ' (not usable, so without standard deviations: the warnings say why)'),
     ]
 
 

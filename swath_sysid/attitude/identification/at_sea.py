@@ -38,6 +38,7 @@ MIN_FADING = 6.0  #: A free decay must fade by exp of this within the record; ot
 #: Relative standard deviation of the period above which the result is unusable, as it is with uncertain damping; from
 #: half of either the sea is reported to hide the hull.
 PERIOD_USABLE = 0.035
+LONGEST_EXCESS = 2.0  #: Times that deviation up to which a longer record of the same sea, four times at most, is advised.
 FASTEST_HULL = 1.5  #: Highest natural frequency that is tried, over the highest at which the motion is known.
 #: Amplitude over standard deviation: a cubic term is as large in an oscillation of twice the deviation as in a Gaussian
 #: motion, a quadratic one within 6 %.
@@ -108,8 +109,8 @@ class AtSeaIdentification:
 
     @property
     def is_usable(self) -> bool:
-        """Whether period and damping are known well enough."""
-        return self.has_period and self.damping_ratio_std < UNCERTAIN * self.damping_ratio
+        """Whether period and damping are known well enough; the standard deviations of others are not to be trusted."""
+        return not self.shortcomings
 
     @property
     def is_consistent(self) -> bool:
@@ -124,19 +125,42 @@ class AtSeaIdentification:
     @property
     def advice(self) -> tuple[Advice, ...]:
         """What must be known to use it."""
-        found = [Advice.of('equivalent-linear', amplitude=np.degrees(self.amplitude))]
-        period = 100.0 * self.natural_period_std / self.natural_period
-        damping = 100.0 * self.damping_ratio_std / self.damping_ratio
-        if period > 50.0 * PERIOD_USABLE or damping > 50.0 * UNCERTAIN:
-            peak, minutes = self.peak_period, self.duration / 60
-            found.append(Advice.of('sea-hides-hull', peak=peak, period=period, damping=damping, minutes=minutes))
-        if self.holds_decay:
-            found.append(Advice.of('holds-decay'))
+        found = [Advice.of('equivalent-linear', amplitude=np.degrees(self.amplitude)), *self.shortcomings]
+        if 0.5 < self._excess < 1.0:
+            found.append(self._hidden('sea-hides-hull'))
+        return (*found, Advice.of('holds-decay')) if self.holds_decay else tuple(found)
+
+    @property
+    def shortcomings(self) -> tuple[Advice, ...]:
+        """The conditions of a usable result that it fails, and what record would do."""
+        found, minutes = [], self.duration / 60
+        if not self._excess < 1.0:
+            kind = 'longer' if self._excess < LONGEST_EXCESS else 'elsewhere'
+            found.append(self._hidden(f'sea-hides-hull: {kind}'))
         if not self.is_smooth:
-            found.append(Advice.of('sea-not-fitted', roughness=self.roughness))
-        if self.apart >= AGREE:
-            found.append(Advice.of('parts-disagree', apart=self.apart))
+            found.append(Advice.of('sea-not-fitted', roughness=self.roughness, minutes=minutes))
+        if not self.apart < AGREE:
+            found.append(Advice.of('parts-disagree', apart=self.apart, usable=AGREE, minutes=minutes))
         return tuple(found)
+
+    @property
+    def _excess(self) -> float:
+        """Standard deviation of period or damping, whichever is larger, over that of a usable result."""
+        damping = self.damping_ratio_std / self.damping_ratio
+        return float(max(self.natural_period_std / self.natural_period / PERIOD_USABLE, damping / UNCERTAIN))
+
+    def _hidden(self, sentence: str) -> Advice:
+        """That the waves show little of the hull; the variance falls with the length of the record."""
+        return Advice.of(
+            sentence,
+            peak=self.peak_period,
+            period=self.natural_period_std / self.natural_period,
+            damping=self.damping_ratio_std / self.damping_ratio,
+            usable_period=PERIOD_USABLE,
+            usable_damping=UNCERTAIN,
+            minutes=self.duration / 60,
+            needed=np.ceil(self._excess**2 * self.duration / 60),
+        )
 
     def gain_over(self, model: DecayModel) -> float:
         """Rise of the log-likelihood from a linear model to this one, to second order in the logarithms of the ratios.

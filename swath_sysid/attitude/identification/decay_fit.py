@@ -13,6 +13,7 @@ from swath_sysid.attitude.identification.motion_fit import InitialState
 from swath_sysid.attitude.identification.problem import Problem, motion_fit
 from swath_sysid.attitude.motion.segmentation import DecaySegment
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.common.advice import Advice
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class DecayFit:
     problem: Problem
     absent_term: AbsentTerm | None = None  #: That the equation lacks and the motion shows most.
     posterior: HullPosterior | None = None  #: Of every term, those pruned included; None where the equation was named.
+    disturbance: Advice | None = None  #: That explains what the fit leaves, if one is certain to.
 
     @cached_property
     def records(self) -> tuple[RecordFit, ...]:

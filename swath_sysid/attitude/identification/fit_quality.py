@@ -206,8 +206,8 @@ def judge(found: DecayFit, objective: str) -> tuple[Verdict, tuple[Advice, ...]]
     findings = list(warnings_of(found, objective, errors))
     causes = [each for each in findings if each[0] != ADEQUATE]
     good = ADEQUATE, Advice(ADEQUATE, _expected(found, errors))
-    remarks = tuple(advice for level, advice in findings if level == ADEQUATE)
-    return Verdict.by_gravest([*causes, good], errors.total), remarks
+    verdict = Verdict.by_gravest([*causes, good], errors.total)
+    return verdict, tuple(advice for level, advice in findings if level == ADEQUATE and advice.code != verdict.code)
 
 
 def _expected(found: DecayFit, errors: Errors) -> str:
@@ -240,7 +240,7 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
     if all(r.segment.beginning == 'pushed' for r in found.records):
         rising = 'still-forced: decrement' if 'b0' in found.model.terms else cause
         cause = 'still-forced' if errors.missed > errors.unexplained else rising
-    poor_fit = Advice.of(cause, left=min(errors.of_model, 1.0))
+    poor_fit = found.disturbance or Advice.of(cause, left=min(errors.of_model, 1.0))
     if not errors.unexplained <= UNCERTAIN:
         yield REJECTED, poor_fit
     period = found.model.natural_period
@@ -276,6 +276,8 @@ def warnings_of(found: DecayFit, objective: str, errors: Errors) -> Iterator[Fin
         # which damping terms few cycles show has been decided where the hull was pruned
         if found.posterior is None or advice.code != 'too-few-cycles':
             yield ADEQUATE, advice
+    if found.disturbance is not None:
+        yield ADEQUATE, found.disturbance
     if objective == 'one-step':
         yield ADEQUATE, Advice.of('one-step-biased')
 

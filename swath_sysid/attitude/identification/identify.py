@@ -10,6 +10,7 @@ from swath_sysid.attitude.hull.catalogue import AUTO
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation
 from swath_sysid.attitude.hull.terms import AT, LOWER, UPPER
 from swath_sysid.attitude.identification.basin_likelihood import BasinFit
+from swath_sysid.attitude.identification.disturbances import named
 from swath_sysid.attitude.identification.fit_quality import REPEATABILITY
 from swath_sysid.attitude.identification.forecast_check import OneStepObjective
 from swath_sysid.attitude.identification.hull_terms import (
@@ -65,7 +66,7 @@ def identify_problem(
     else:
         identified = refined_in_basin(identification_of(problem, settings, found, FittedHull(equation, parameters)))
     report(1.0)
-    return identified
+    return named(identified)
 
 
 def _fitted(problem: Problem, space: SearchSpace, settings: IdentificationSettings, *watched: Any):
@@ -104,7 +105,7 @@ def refit_from(
     fit = motion_fit(problem, equation)
     space = _space(problem, equation, settings)
     parameters, _ = fit.refine(fit.pack(ratios, states), space.ratio_lower, space.ratio_upper)
-    return refined_in_basin(identification_of(problem, settings, search, FittedHull(equation, parameters)))
+    return named(refined_in_basin(identification_of(problem, settings, search, FittedHull(equation, parameters))))
 
 
 def refined_in_basin(found: Identification) -> Identification:

@@ -125,7 +125,7 @@ def _joint_problem(motions: Sequence[AxisMotion], found: Sequence[tuple[DecaySeg
 
 def to_be_fitted(decays: Sequence[DecaySegment]) -> tuple[DecaySegment, ...]:
     """Of the decays of one record, the best first: that one, and the others released, by time. Their periods agree, and
-    they are long enough, or even the best is not.
+    they are long enough, or even the best is not. The best has a warning of others released with another period.
     """
     if not decays:
         return ()
@@ -133,11 +133,16 @@ def to_be_fitted(decays: Sequence[DecaySegment]) -> tuple[DecaySegment, ...]:
     is_short = best.cycles < MIN_CYCLES
     unlike = ASYMMETRY if is_short else ALIKE
 
-    def belongs(segment: DecaySegment):
-        is_alike = 1.0 / unlike < segment.period / best.period < unlike
-        return segment.beginning == 'released' and is_alike and (segment.cycles >= MIN_CYCLES or is_short)
-
-    return tuple(s for s in sorted(decays, key=lambda decay: decay.start) if s is best or belongs(s))
+    # a release too brief for a fit says nothing of the period either
+    long = [s for s in decays if s.beginning == 'released' and (s.cycles >= MIN_CYCLES or is_short) and s is not best]
+    alike = [s for s in long if 1.0 / unlike < s.period / best.period < unlike]
+    left_out = ', '.join(
+        f'{s.period:.3g} s from {s.start:.1f} s on' for s in sorted(long, key=lambda s: s.start) if s not in alike
+    )
+    if left_out:
+        warning = Advice.of('unlike-releases', period=best.period, releases=left_out)
+        best = replace(best, advice=(*best.advice, warning))
+    return tuple(sorted([best, *alike], key=lambda decay: decay.start))
 
 
 def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]) -> Problem:

@@ -351,6 +351,7 @@ def _refit_at_sea(
     better = refusal = ''
     if not found.is_usable:
         refusal = 'this sea does not determine the hull'
+        summary = '; '.join(each.message for each in found.shortcomings)
     elif held is not None and not is_at_sea(held):
         refusal = f'the model of the free decay stays, {_equivalent_text(held, found.amplitude)}'
     elif held is not None:

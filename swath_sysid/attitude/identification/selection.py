@@ -10,11 +10,10 @@ from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.identification.identify import identify_problem, refit_from
 from swath_sysid.attitude.identification.problem import Problem, motion_fit
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
-from swath_sysid.common.conventions import LEVELS
+from swath_sysid.common.conventions import CRITERION_MARGIN, LEVELS
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.processes import results_in_order
 
-CRITERION_MARGIN = 10.0  #: A difference of the information criterion that Kass and Raftery (1995) call very strong.
 HELD_OUT_MARGIN = 1.1
 Fit = TypeVar('Fit', bound=Any)
 Ranked = TypeVar('Ranked', bound=Any)  #: A campaign ranks its own summaries of fits.

@@ -94,6 +94,14 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
     """The free decays in the angle of a record (or its rate), without overlap, the one with the most motion first. None
     where the craft turned in one of them: it was under way, as a boat that tacks.
     """
+    decays = _free_decays(motion)
+    if any(_turned(motion, decay) > TURN for decay in decays):
+        return ()
+    segments = [_segment_of(_without_the_push(candidate, decays), motion) for candidate in _apart(decays)]
+    return tuple(_until_the_next(each, segments) for each in segments)
+
+
+def _free_decays(motion: AxisMotion) -> list[DecayCandidate]:
     pieces = turning_points.split_at_pauses(motion)
     grids = [list(turning_points.pyramid(turning_points.even_signal(piece))) for piece in pieces]
     decays = [decay for levels in grids for decay in _decays_among(_sizable_candidates(levels))]
@@ -102,21 +110,18 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
             held, long = (_sizable_candidates(levels, HALF_CYCLES_FOR_REST, part) for part in (IRREGULAR, SLOW_NOISE))
             decays += _decays_among([each for each in held if each.hold])
             decays += [] if decays else _decays_among([each for each in long if fill_record([each], each)])
-    if any(_turns(motion, decay) for decay in decays):
-        return ()
-    segments = [_segment_of(_without_the_push(candidate, decays), motion) for candidate in _apart(decays)]
-    return tuple(_until_the_next(each, segments) for each in segments)
+    return decays
 
 
-def _turns(motion: AxisMotion, decay: DecayCandidate) -> bool:
-    """Whether the craft takes another heading within two periods in a decay."""
+def _turned(motion: AxisMotion, decay: DecayCandidate) -> float:
+    """Largest change of the craft's heading within two periods in a decay, rad."""
     if motion.heading is None:
-        return False
+        return 0.0
     # a gyroscope's bias is that of the whole record
     drift = np.median(np.diff(motion.heading[:, 1]) / np.diff(motion.heading[:, 0])) if len(motion.heading) > 1 else 0.0
     time = np.arange(decay.release - decay.period, decay.end + decay.period, 0.25 * decay.period)
     heading = np.interp(time, motion.heading[:, 0], motion.heading[:, 1]) - drift * time
-    return bool(np.abs(heading[8:] - heading[:-8]).max(initial=0.0) > TURN)
+    return float(np.abs(heading[8:] - heading[:-8]).max(initial=0.0))
 
 
 def _sizable_candidates(levels: Sequence[EvenSignal], half_cycles: float = 1.0, irregular: float = 0.0):
@@ -163,7 +168,9 @@ def is_finished(segment: DecaySegment, motion: AxisMotion) -> bool:
 
 
 def explain_absence(motion: AxisMotion) -> Advice:
-    """Say why a record holds no free decay and what to do: ``too-small``, ``forced-motion`` or ``no-decay``."""
+    """Say why a record holds no free decay and what to do: ``too-small``, ``forced-motion``, ``craft-turned`` or
+    ``no-decay``.
+    """
     signal = turning_points.even_signal(motion)
     name, reach = _name(motion), float(np.ptp(signal.value))
     if reach < 2.0 * SMALLEST_AMPLITUDE[signal.quantity]:
@@ -171,6 +178,10 @@ def explain_absence(motion: AxisMotion) -> Advice:
     if keeps_oscillating(motion):
         spread = _in_degrees(float(np.std(signal.value)), signal.quantity)
         return Advice.of(FORCED_MOTION, name=name, spread=spread)
+    turns = [] if motion.heading is None else [(_turned(motion, decay), decay) for decay in _free_decays(motion)]
+    if any(turn > TURN for turn, _ in turns):
+        turn, decay = max(turns, key=lambda each: each[0])
+        return Advice.of('craft-turned', name=name, start=decay.release, end=decay.end, turn=np.degrees(turn))
     return Advice.of('no-decay', name=name, reach=_in_degrees(reach, signal.quantity))
 
 

@@ -18,7 +18,6 @@ from swath_sysid.attitude.identification.problem import Problem, motion_fit, pro
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchResult
 from swath_sysid.attitude.identification.selection import (
-    CRITERION_MARGIN,
     enforce_nesting,
     held_out_error,
     information_criterion,
@@ -26,7 +25,7 @@ from swath_sysid.attitude.identification.selection import (
 )
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import ADEQUATE, CONFIDENCE, percent
+from swath_sysid.common.conventions import ADEQUATE, CONFIDENCE, CRITERION_MARGIN, percent
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import as_plain
 
