@@ -104,13 +104,26 @@ def find_decays(motion: AxisMotion) -> tuple[DecaySegment, ...]:
 def _free_decays(motion: AxisMotion) -> list[DecayCandidate]:
     pieces = turning_points.split_at_pauses(motion)
     grids = [list(turning_points.pyramid(turning_points.even_signal(piece))) for piece in pieces]
-    decays = [decay for levels in grids for decay in _decays_among(_sizable_candidates(levels))]
+    decays = [decay for levels in grids for decay in _unbroken(levels, _decays_among(_sizable_candidates(levels)))]
     if not decays:
         for levels in map(turning_points.steadied, grids, pieces):
             held, long = (_sizable_candidates(levels, HALF_CYCLES_FOR_REST, part) for part in (IRREGULAR, SLOW_NOISE))
             decays += _decays_among([each for each in held if each.hold])
             decays += [] if decays else _decays_among([each for each in long if fill_record([each], each)])
     return decays
+
+
+def _unbroken(levels: Sequence[EvenSignal], decays: list[DecayCandidate]) -> list[DecayCandidate]:
+    """Decays, and those that go on where slow noise breaks one: whose half-cycles shrink in the mean over several."""
+    broken = [decay for decay in decays if decay.broken]
+    if not broken:
+        return decays
+    longer = [
+        each
+        for each in _sizable_candidates(levels, EVIDENT, SLOW_NOISE)
+        if each.shrinks_in_the_mean and any(abs(each.release - other.release) < 0.25 * other.period for other in broken)
+    ]
+    return [*decays, *_decays_among(longer)]
 
 
 def _turned(motion: AxisMotion, decay: DecayCandidate) -> float:

@@ -228,7 +228,10 @@ class DecayWatch:
             return None
         coarse = averaged(table, LOOK_RATE)
         motion = motion if coarse is table else coarse.trial().axis(axis)
-        ended = [decay for decay in find_decays(motion) if self._is_worth_reporting(decay, motion)]
+        # the stretch before a decay that is about to leave a full window, in time of the table
+        newest_stamp, length = float(table.rows[-1, 0]), window.settings.window
+        leaves = newest_stamp - length - float(table.rows[0, 0]) if window.duration > length - LOOK_INTERVAL else -inf
+        ended = [decay for decay in find_decays(motion) if self._is_worth_reporting(decay, motion, leaves)]
         if not ended:
             return None
         decay = max(ended, key=lambda each: each.end)
@@ -237,7 +240,8 @@ class DecayWatch:
         noticed = NoticedDecay(axis, origin + decay.start, origin + decay.end)
         return FinishedDecay(axis, decay, replace(table, noticed=noticed))
 
-    def _is_worth_reporting(self, decay: DecaySegment, motion: AxisMotion) -> bool:
+    def _is_worth_reporting(self, decay: DecaySegment, motion: AxisMotion, leaves: float) -> bool:
+        """Whether a decay is over, or what shows its start ``leaves`` the window at this time, s, before it is."""
         amplitude = decay.initial_amplitude
         if decay.quantity == 'rate':
             amplitude *= decay.period / (2.0 * pi)
@@ -247,7 +251,9 @@ class DecayWatch:
         is_seen = rests or decay.start - motion.time[0] >= SEEN_BEFORE_PUSH * decay.period
         pushed = decay.beginning == 'pushed' and decay.cycles >= enough and is_seen
         released = decay.beginning == 'released' and (decay.cycles >= MIN_CYCLES or has_returned(decay, motion))
-        return (pushed or released) and amplitude >= self._smallest and is_finished(decay, motion)
+        is_last_look = decay.cycles >= enough and decay.start - leaves < (SEEN_BEFORE_PUSH + 1.0) * decay.period
+        is_due = is_last_look or is_finished(decay, motion)
+        return (pushed or released) and amplitude >= self._smallest and is_due
 
 
 def rests_after(decay: DecaySegment, motion: AxisMotion) -> bool:
