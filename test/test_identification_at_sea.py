@@ -12,6 +12,7 @@ from swath_sysid.attitude.hull.catalogue import EQUATIONS, hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.identification.at_sea import (
+    PERIOD_USABLE,
     SeaRecord,
     identify_seas,
     is_at_sea,
@@ -39,6 +40,7 @@ from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
 from swath_sysid.pipeline.health import WARN
 from swath_sysid.pipeline.record_run import samples_of
+from swath_sysid.report.fit_summary import at_sea_as_data, at_sea_in_words
 
 ROLL = hull_named('swath-roll').model
 ROLL_ONLY = RefitSettings(axes=('roll',))
@@ -264,7 +266,7 @@ def test_the_command_line_takes_waves_for_waves(sea_file, tmp_path, capsys):
 
 @pytest.mark.long
 def test_what_is_not_usable_has_no_standard_deviations_but_reasons(found):
-    """The deviations of a result that fails a condition are not to be trusted, and each condition says what would do."""
+    """The deviations of a result that fails a condition are not to be trusted; each condition says what would do."""
     assert found.is_usable and not found.shortcomings
     hidden = replace(found, natural_period_std=1.5 * PERIOD_USABLE * found.natural_period)
     short = hidden.shortcomings[0].message
@@ -278,7 +280,8 @@ def test_what_is_not_usable_has_no_standard_deviations_but_reasons(found):
         assert not bad.is_usable and all(each in bad.advice for each in bad.shortcomings)
         data, words = at_sea_as_data(bad), at_sea_in_words(bad)
         assert data['natural_period_std_s'] is data['damping_ratio_std'] is data['ratios']['b1']['std'] is None
-        assert 'not usable' in words[0] and '+-' not in words[-1] and not any(line.startswith('  r1') and '+-' in line for line in words)
+        assert 'not usable' in words[0] and '+-' not in words[-1]
+        assert not any(line.startswith('  r1') and '+-' in line for line in words)
 
 
 @pytest.mark.parametrize(

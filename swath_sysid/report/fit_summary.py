@@ -155,8 +155,8 @@ def at_sea_in_words(found: AtSeaIdentification) -> list[str]:
     )
     ratios = ratio_lines(found) if usable else [f'  {name:<3}{value:>14.6g}' for name, value in model.terms.items()]
     return [
-        f'{_axis_of(found)}: identified at sea{"" if usable else ", not usable"}, the equivalent linear hull at {math.degrees(found.amplitude):.2f} deg '
-        f'+- {math.degrees(found.amplitude_std):.2g}',
+        f'{_axis_of(found)}: identified at sea{"" if usable else ", not usable"}, the equivalent linear hull at '
+        f'{math.degrees(found.amplitude):.2f} deg +- {math.degrees(found.amplitude_std):.2g}',
         '  no verdict, as there was no release to judge by: score forecasts with this model instead',
         *(
             f'  {short_name(each.source)}: motion in waves from {each.time[0]:.1f} to {each.time[-1]:.1f} s'

@@ -38,7 +38,7 @@ MIN_FADING = 6.0  #: A free decay must fade by exp of this within the record; ot
 #: Relative standard deviation of the period above which the result is unusable, as it is with uncertain damping; from
 #: half of either the sea is reported to hide the hull.
 PERIOD_USABLE = 0.035
-LONGEST_EXCESS = 2.0  #: Times that deviation up to which a longer record of the same sea, four times at most, is advised.
+LONGEST_EXCESS = 2.0  #: Times that deviation up to which a record four times as long of the same sea is advised.
 FASTEST_HULL = 1.5  #: Highest natural frequency that is tried, over the highest at which the motion is known.
 #: Amplitude over standard deviation: a cubic term is as large in an oscillation of twice the deviation as in a Gaussian
 #: motion, a quadratic one within 6 %.

@@ -43,7 +43,7 @@ HALF_CYCLES_FOR_REST = 6.0  #: Half-cycles that prove as much as a period of res
 #: Half-cycles that tell a decay from waves however it began: in a record with nothing else, and amid other motion. As
 #: many as prove a period of rest do if the craft rests for so many periods after them.
 EVIDENT, EVIDENT_AMID_MOTION, RESTS = 12, 18, 2.0
-SEVERAL = 4  #: Half-cycles over which they are compared where slow noise hides that each is smaller than the one before.
+SEVERAL = 4  #: Half-cycles over which they are compared where slow noise hides that each one is smaller.
 #: Part of the first double amplitude by which the others of a released craft may be out of order where slow noise, as
 #: of an attitude filter, hides that they shrink, and by which those of a decay that fills its record may.
 IRREGULAR, SLOW_NOISE = 0.05, 0.02
