@@ -29,8 +29,8 @@ from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import CRITERION_MARGIN
 from swath_sysid.common.conventions import NEGLIGIBLE as ABSORBED
 
-#: Code of each cause that has a name, and the share that it must explain of what is left and no white noise: the rest may
-#: be another one. Waves and the fluid's memory often resemble a second oscillation, seldom a wave that returns.
+#: Code of each cause that has a name, and the share of what is left and no white noise that it must explain: the rest
+#: may be another one. Waves and the fluid's memory often resemble a second oscillation, seldom a wave that returns.
 CODES = {
     'returning': ('returning-wave', 0.6),
     'second': ('second-oscillation', 0.8),
