@@ -38,9 +38,9 @@ CODES = {
 }
 #: Periods after which a wave is looked for that returns from a wall; what acts sooner is the fluid's memory.
 RETURNS = 0.9, 6.0
-#: Frequencies and dampings, over those of the hull and critical, of a second oscillation; nearer to the hull's own, a
-#: restoring moment of another shape looks like one.
-LINES, LINE_DAMPINGS = (*np.arange(0.5, 0.91, 0.02), *np.arange(1.1, 1.71, 0.02)), (0.0, 0.02, 0.05, 0.1)
+#: Frequencies and dampings, over those of the hull and critical, of a second oscillation.
+LINES, LINE_DAMPINGS = np.arange(0.5, 1.71, 0.02), (0.0, 0.02, 0.05, 0.1)
+OWN = 0.1  #: Share of the hull's frequency within which restoring of another shape and the fluid's memory look like one.
 FEWEST_PERIODS = 5.0  #: That show a rhythm beside that of the decay.
 Moment = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
@@ -184,7 +184,8 @@ class Leftover:
                 effects[end : end + len(rows), :, 2 * place + part] = rows
             end += len(rows)
         periods = 2.0 * np.pi / speeds.imag
-        return self._best('second', list(effects.transpose(1, 0, 2)), periods, self._scales.amplitude)
+        found = self._best('second', list(effects.transpose(1, 0, 2)), periods, self._scales.amplitude)
+        return replace(found, kind='own') if abs(self.period / found.place - 1.0) < OWN else found
 
     def _drifting(self) -> Cause:
         """A stiffness that changes with time: of the whole by the end of the longest decay."""
