@@ -40,7 +40,7 @@ CODES = {
 RETURNS = 0.9, 6.0
 #: Frequencies and dampings, over those of the hull and critical, of a second oscillation.
 LINES, LINE_DAMPINGS = np.arange(0.5, 1.71, 0.02), (0.0, 0.02, 0.05, 0.1)
-OWN = 0.1  #: Share of the hull's frequency within which restoring of another shape and the fluid's memory look like one.
+OWN = 0.1  #: Share of the hull's frequency within which restoring of another shape or fluid memory looks like one.
 FEWEST_PERIODS = 5.0  #: That show a rhythm beside that of the decay.
 Moment = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
