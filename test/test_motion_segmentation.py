@@ -16,6 +16,7 @@ from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SensorNoise
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.identification.problem import to_be_fitted
 from swath_sysid.attitude.motion.decay_candidates import bridged_half_cycles
+from swath_sysid.attitude.motion.intake import ConvertedReading, CraftSample
 from swath_sysid.attitude.motion.quality import check_decay, check_motion, clipped_extremes, without_spikes
 from swath_sysid.attitude.motion.segmentation import (
     decays_or_absence,
@@ -34,7 +35,7 @@ from swath_sysid.attitude.motion.turning_points import (
     split_at_pauses,
     turning_points_of,
 )
-from swath_sysid.attitude.motion.window import rests_after
+from swath_sysid.attitude.motion.window import MotionWindow, rests_after
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
@@ -469,6 +470,23 @@ def test_slow_noise_breaks_no_decay_whose_half_cycles_shrink_in_the_mean(seed, s
     angle = released(time - hold, 0.15, damping_ratio, period)[0] + 0.0015 * noise / np.std(noise)
     decay = max(find_decays(AxisMotion('roll', time * pace, sign * angle, None)), key=lambda each: each.duration)
     assert decay.cycles > 0.9 * min(cycles, np.log(8.0) / (2.0 * np.pi * damping_ratio))
+
+
+@pytest.mark.parametrize(('period', 'damping_ratio'), [(5.2, 0.015), (4.7, 0.02)])
+def test_a_decay_that_outlasts_the_window_is_noticed_before_its_start_leaves_it(period, damping_ratio):
+    """Rocked and let go, cut after ten cycles, long before it has fallen to a tenth."""
+    time = np.arange(0.0, 14.0 * period, 0.2)
+    let_go = 3.0 * period
+    angle = np.minimum(time, let_go) / let_go * released(time - let_go, 0.12, damping_ratio, period)[0]
+    angle[time < let_go] *= np.cos(2.0 * np.pi * time[time < let_go] / period)
+    window, found = MotionWindow(), []
+    unknown = (np.nan,) * 4
+    for stamp, roll in zip(time, angle + 2e-4 * np.random.default_rng(8).normal(size=time.size), strict=True):
+        sample = CraftSample(round(1e18 + 1e9 * stamp), roll, np.nan, np.nan, np.nan, 0.0, 0.0, 9.8, *unknown)
+        step = window.add_converted(ConvertedReading(sample, ()))
+        found += [step.finished] if step.finished else []
+    assert len(found) == 1 and found[0].segment.cycles > 6.0
+    assert found[0].segment.period == pytest.approx(period, rel=0.01)
 
 
 def test_a_boat_that_tacks_is_not_released_and_unlike_releases_are_not_fitted_together():
