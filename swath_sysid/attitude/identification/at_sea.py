@@ -135,8 +135,8 @@ class AtSeaIdentification:
         """The conditions of a usable result that it fails, and what record would do."""
         found, minutes = [], self.duration / 60
         if not self._excess < 1.0:
-            kind = 'longer' if self._excess < LONGEST_EXCESS else 'elsewhere'
-            found.append(self._hidden(f'sea-hides-hull: {kind}'))
+            is_near = self._excess < LONGEST_EXCESS
+            found.append(self._hidden('sea-hides-hull: longer' if is_near else 'sea-hides-hull: elsewhere'))
         if not self.is_smooth:
             found.append(Advice.of('sea-not-fitted', roughness=self.roughness, minutes=minutes))
         if not self.apart < AGREE:
