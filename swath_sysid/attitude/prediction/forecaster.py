@@ -372,8 +372,7 @@ class Forecaster:
         self._has_waves, self._waiting, self._steps, self._laid_out_at = False, None, 0, self._time
         self._refit_due = -math.inf
         self._follow_period(self._bank)
-        remembered = self.memory and self.memory.candidate(self._clock.step)
-        if remembered is not None:
+        if self.memory is not None and (remembered := self.memory.candidate(self._clock.step)) is not None:
             self._bank.use(MEMORY, remembered, self._newest(2 * MAX_LAGS))
 
     def _follow_period(self, bank: Bank):
