@@ -49,8 +49,6 @@ class AxisFilter:
         self.known_noise = (0.0, 0.0)
         #: Those in use, up to all that is not smooth, and with the disagreement of both.
         self.noise = self.noise_to_hull = (math.nan, math.nan)
-        #: Since a moment unforeseen by an identified hull has begun or ended; counted by who takes the rows.
-        self.rows_since_surprise = 10**9
         self._meters = NoiseMeter(*ANGLE_NOISE), NoiseMeter(*RATE_NOISE)
         self._agreement = AgreementMeter()
         self.unmeasured, self.stuck = UnmeasuredAngle(memory), StuckChannels()
@@ -126,8 +124,6 @@ class AxisFilter:
             rejected, restarted = observed.rejected, observed.restarted
             # what is rejected leaves no mark
             self._agreement.take(elapsed, *((math.nan, math.nan) if rejected else seen), *variances)
-            if self.identified is not None and (observed.surprised or restarted):
-                self.rows_since_surprise = 0
         else:
             self._agreement.restart()
             hull.start(angle, rate, *variances)

@@ -9,11 +9,11 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.blend import DRIVEN, FREE, UNPROVEN, YOUNG, Blend
 from swath_sysid.attitude.prediction.forecast import Forecast
-from swath_sysid.attitude.prediction.hull_filter import HEALTHY_STRAIN
+from swath_sysid.attitude.prediction.hull_filter import CONVINCING, HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.hull_state import TRIM
 from swath_sysid.attitude.prediction.point import ATTITUDE
+from swath_sysid.attitude.prediction.pool import Pool
 from swath_sysid.attitude.prediction.rows import AT_ONCE, RowClock
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
@@ -36,9 +36,22 @@ from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import NEGLIGIBLE, THREE_STD
 
-HULL, LIBRARY, LEVEL = 'hull-filter', 'sea-library', 'mean'
-#: Weights where errors do not distinguish them: largest for the one with the most information.
-CANDIDATES = {HULL: 3.0, LIBRARY: 1.0, LEVEL: 1.0, MEMORY: 1.0, NEW_WAVES: 1.0, WAVES: 1.0, LONG_WAVES: 1.0}
+HULL, FREE_HULL, LIBRARY, LEVEL = 'hull-filter', 'free-hull', 'sea-library', 'mean'
+#: Weights before any error. A hull is free by a test of such odds, and nothing else is to be known then; the mean knows
+#: nothing of the present motion. The hulls come first: they follow every sample.
+CANDIDATES = {
+    HULL: 1.0,
+    FREE_HULL: math.exp(CONVINCING),
+    LIBRARY: 1.0,
+    LEVEL: 0.1,
+    MEMORY: 1.0,
+    NEW_WAVES: 1.0,
+    WAVES: 1.0,
+    LONG_WAVES: 1.0,
+}
+HULLS = HULL, FREE_HULL
+#: A squared error this much smaller, or larger, than another one is no chance.
+_CLEARLY = 1.14
 
 _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 
@@ -53,14 +66,15 @@ class Bank:
         self._place = {name: place for place, name in enumerate(self.names)}
         self._clock, step, period = clock, clock.step, clock.period
         priors = [CANDIDATES.get(name, 1.0) for name in self.names]
-        self.blend = Blend(leads, step, period, len(axes), priors, self._place[LEVEL])
+        self.pool = Pool.of(leads, step, period, priors, len(HULLS))
+        self.state = self.pool.begin(len(axes))
         self.spaces: dict[str, Any] = {}  #: Those on rows.
         self._upstream: dict[str, UpstreamCandidate] = {}
         self._upstream_rows = upstream
         # when upstream channels last helped, s, and at which place of the scores; whether they contradict that since
         self._helped, self._helped_at, self._is_contradicted = -math.inf, 0, False
         self._at_row = np.full((len(self.names), 1, len(ATTITUDE)), math.nan), np.empty(0)
-        self._axes, self._leads, self._steps, self._step = axes, leads, self.blend.steps, step
+        self._axes, self._leads, self._steps, self._step = axes, leads, self.pool.layout.steps, step
         self._period = period
         self._horizon = leads[-1] + 2.0 * step
         self._library: SeaLibrary  # which `begin` begins
@@ -102,7 +116,7 @@ class Bank:
     def set_period(self, period: float) -> None:
         """Count memories in another period of the motion, s."""
         self._period = period
-        self.blend.set_period(self._step, period)
+        self.pool = self.pool.in_period(self._step, period)
 
     def begin(self, past: np.ndarray) -> None:
         """Begin with the library of seas, on the newest rows (N, width)."""
@@ -145,18 +159,21 @@ class Bank:
             return False
         since, was_contradicted = time - self._helped, self._is_contradicted
         is_recent = since < memory
-        if np.nanmin(ratio) < 1.0 / UNPROVEN:
+        if np.nanmin(ratio) < 1.0 / _CLEARLY:
             self._helped, self._helped_at, self._is_contradicted = time, int(np.nanargmin(ratio)), False
             if was_contradicted and is_recent:
                 self._upstream_rows.forget(int(since / self._step))
-        elif is_recent and ratio.flat[self._helped_at] > UNPROVEN:
+        elif is_recent and ratio.flat[self._helped_at] > _CLEARLY:
             self._is_contradicted = True
         return (was_contradicted or self._is_contradicted) and is_recent
 
     def renew(self, name: str, axis: int | slice = slice(None)) -> None:
-        """Judge a candidate with a new model, for an axis or all, as an untried one that knows nothing upstream."""
-        present = [LEVEL, *(each for each in CANDIDATES if each in self._on_rows)]
-        self.blend.renew(self._place[name], axis, [self._place[each] for each in {name, *present}])
+        """Judge a candidate with a new model, for an axis or all, as an untried one."""
+        self.state = self.pool.renew(self.state, self._place[name], axis, is_other=name in HULLS)
+
+    def carry_over(self, other: 'Bank') -> None:
+        """Begin with what another bank, on other rows, has learnt of the errors."""
+        self.state = self.pool.carried_over(other.pool, other.state, len(self._axes))
 
     def step(self, row: np.ndarray) -> None:
         """Take the next row in every candidate."""
@@ -170,25 +187,36 @@ class Bank:
         """Step over missing rows."""
         if count * self._step > self._period:
             self._since_break = 0
-        self.blend.skip(count)
+        self.state = self.pool.skip(self.state, count)
         for candidate in self._on_rows.values():
             candidate.skip(count)
 
-    def score(self, measured: np.ndarray, steps: int) -> None:
-        """Score past forecasts of the angles (A,) of the newest row, ``steps`` after the one before; issue others."""
+    def score(self, measured: np.ndarray) -> None:
+        """Score past forecasts of the angles (A,) of the newest row; issue others."""
         self._at_row = mean, covariance = self._forecasts(None, 0.0)
         count = measured.size
-        self.blend.take(
+        centre, largest = self._bounds(np.zeros(count))
+        self.state = self.pool.take(
+            self.state,
             measured,
             mean[..., :count],
             np.diagonal(covariance, axis1=2, axis2=3)[..., :count],
             self._noise[:count],
-            np.array([axis.rows_since_surprise for axis in self._axes]),
-            np.array([FREE if axis.hull.is_free else YOUNG if axis.size.is_young else DRIVEN for axis in self._axes]),
-            np.array([max(axis.size.present, axis.size.activity) for axis in self._axes]),
+            centre,
+            largest,
         )
-        for axis in self._axes:
-            axis.rows_since_surprise += steps
+
+    def _bounds(self, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What no forecast of an angle is further from, and by how much at most, (A,): no wilder than the motion.
+
+        The motion is that of the last two periods, the present displacement or the ``doubt`` (A,), variance.
+        """
+        centre = np.array([axis.size.mean if axis.size.mean == axis.size.mean else 0.0 for axis in self._axes])
+        largest = [
+            THREE_STD * max(axis.size.extent, math.sqrt(max(axis.noise[0], unknown)))
+            for axis, unknown in zip(self._axes, doubt.tolist(), strict=True)
+        ]
+        return centre, np.array(largest)
 
     def forecast(self, stamp_ns: int, age: float, lateness: float = 0.0, count: int | None = None) -> Forecast:
         """The average of the candidates at the leads after a stamp, which is ``lateness`` s after the newest sample.
@@ -200,16 +228,13 @@ class Bank:
             mean, covariance = (values[:, :count] for values in self._at_row)
         else:
             mean, covariance = self._forecasts(np.maximum(self._leads[:count] + lateness, 0.0), age)
-        ahead = self.blend.combine(stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
-        centre, largest = np.zeros((2, len(ATTITUDE)))
-        for place, axis in enumerate(self._axes):
-            centre[place] = axis.size.mean
-            # no wilder than the motion of now
-            doubt = axis.doubt_of_angle
-            ahead.covariance[:, place, place] += doubt
-            reach = THREE_STD * max(axis.size.extent, math.sqrt(max(axis.noise[0], doubt)))
-            largest[place::2] = reach, reach * 2.0 * math.pi / self._period
-        bound(ahead.mean, ahead.covariance, centre, largest)
+        ahead = self.pool.combine(self.state, stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
+        doubt = np.array([axis.doubt_of_angle for axis in self._axes])
+        for place, unknown in enumerate(doubt.tolist()):
+            ahead.covariance[:, place, place] += unknown
+        level, reach = self._bounds(doubt)
+        rate = 2.0 * math.pi / self._period
+        bound(ahead.mean, ahead.covariance, np.append(level, 0.0 * level), np.append(reach, rate * reach))
         return ahead
 
     def gain_of(self, channel: str) -> np.ndarray:
@@ -223,26 +248,27 @@ class Bank:
     def _ratio(self, some: Collection[str], others: Collection[str]) -> np.ndarray:
         """Least running square error (S, A) of some candidates over that of others; NaN where either has none."""
         present = np.isfinite(self._at_row[0][..., : len(AXES)])
-        squares = np.where(present, self.blend.mean_square, math.nan)
+        squares = np.where(present, self.state.square.transpose(2, 0, 1), math.nan)
         of_some, of_others = (
             np.fmin.reduce(squares[[name in chosen for name in self.names]]) for chosen in (some, others)
         )
         return of_some / np.maximum(of_others, 1e-300)
 
     def _forecasts(self, leads: np.ndarray | None, age: float):
-        """Motion (K, L, 4) and covariances (K, L, 4, 4) by candidate; NaN where new samples contradict one.
+        """Motion (K, L, 4) and covariances (K, L, 4, 4) by candidate; NaN where it has none.
 
         As far as the sensor's noise is known: the covariances are of readings, else.
         """
         count = self._steps.size if leads is None else leads.size
         mean = np.full((len(self.names), count, len(ATTITUDE)), math.nan)
         covariance = np.zeros((*mean.shape, len(ATTITUDE)))
-        hull, level = self._place[HULL], self._place[LEVEL]
+        level = self._place[LEVEL]
         ahead = self._step * self._steps if leads is None else leads
         # without a hull, its filter still follows every sample, which rows do not
         at_once = int(np.count_nonzero(ahead < 1.02 * self._step))
         for place, axis in enumerate(self._axes):
             rate, known = place + len(AXES), at_once if axis.hull.model is None else count
+            hull = self._place[FREE_HULL if axis.hull.is_free else HULL]
             if axis.hull.is_started and known:
                 mean[hull, :known, place::2], spread = axis.hull.forecast(ahead[:known])
                 covariance[hull, :known, place::2, place::2] = spread
@@ -253,7 +279,7 @@ class Bank:
             covariance[level, :, place, place] = size.activity**2 + size.doubt_of_mean**2
             covariance[level, :, rate, rate] = (2.0 * math.pi / self._period * size.activity) ** 2
         # a period or more was missing until within the newest one
-        self.blend.is_after_break = is_after_break = self._since_break * self._step < self._period
+        is_after_break = self._since_break * self._step < self._period
         is_unseen = any(axis.unmeasured.is_missing and not axis.unmeasured.is_unknown for axis in self._axes)
         for space in self.spaces.values():
             # as far off as the innovations of a model that is accepted
@@ -264,42 +290,15 @@ class Bank:
         if noise.any():
             of_readings = [self._place[name] for name in self._on_rows]
             covariance[of_readings] = without_noise(covariance[of_readings], noise)
-        strained = {
-            name: each.strain / HEALTHY_STRAIN for name, each in self._fitted.items() if each.strain > HEALTHY_STRAIN
-        }
-        for name, strain in strained.items():
-            covariance[self._place[name]] *= strain
-        in_use = [strain for name, strain in strained.items() if not self._fitted[name].is_contradicted]
-        self.blend.doubt = max(in_use, default=1.0)
-        if any(axis.identified is not None for axis in self._axes):
-            trusted = self._hull_is_trusted()
-            # of the mean, too: a few errors would not tell that it knows less
-            for place in (level, *(self._place[name] for name in strained)):
-                mean[place][:, trusted[place]] = math.nan
+        # what the newest rows contradict claims so much more
         for name, fitted in self._fitted.items():
-            if fitted.is_contradicted:
-                mean[self._place[name]] = math.nan
-        for place, axis in enumerate(self._axes):
+            covariance[self._place[name]] *= max(fitted.strain / HEALTHY_STRAIN, 1.0)
+        for place in range(len(self._axes)):
             covariance[self._place[LIBRARY], :, place::2, place::2] *= max(self._library.strain(place), 1.0)
-            if axis.hull.is_free:
-                # nothing acts: there is nothing else to know
-                mean[hull + 1 :, :, place::2] = math.nan
         angles = mean[..., :2]
         # a third of what np.clip takes
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)
         return mean, covariance
-
-    def _hull_is_trusted(self):
-        """Targets, by candidate, that an identified hull explains at present, and forecasts no worse.
-
-        A wide filter explains any sample, but may forecast badly.
-        """
-        level = np.log(np.maximum(self.blend.mean_square, 1e-300)).mean(axis=1)
-        explains = [
-            axis.identified is not None and axis.hull.is_started and axis.hull.strain < HEALTHY_STRAIN
-            for axis in self._axes
-        ]
-        return ((level[self._place[HULL]] <= level) & explains)[:, _AXIS_OF_TARGET]
 
 
 @accelerated
@@ -362,11 +361,11 @@ def diagnose(
     if bank is not None:
         # a still craft moves less than its sensor's noise, which no forecast of readings can miss by less
         size = np.array([max(axis.size.deviation, math.sqrt(axis.noise[0])) for axis in axes.values()])[:, None]
-        blend = bank.blend
-        places = blend.place_of_lead[asked]
-        nrmse, coverage = np.sqrt(blend.blended_square[places]).T / size, blend.coverage[places].T
-        candidate = np.sqrt(blend.mean_square[:, places]).transpose(0, 2, 1) / size
-        weights = blend.weights[:, places].transpose(0, 2, 1)
+        state = bank.state
+        places = bank.pool.layout.place_of_lead[asked]
+        nrmse, coverage = np.sqrt(state.pooled_square[places]).T / size, state.coverage[places].T
+        candidate, weights = (each[places].transpose(2, 1, 0) for each in (np.sqrt(state.square), state.weights))
+        candidate = candidate / size
         gain = {channel: bank.gain_of(channel)[places].T for channel in bank.channels}
     return ForecasterDiagnostics(
         interval,

@@ -17,7 +17,7 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.stamps import STEPPED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.bank import HULL, Bank, ForecasterDiagnostics, diagnose
+from swath_sysid.attitude.prediction.bank import HULLS, Bank, ForecasterDiagnostics, diagnose
 from swath_sysid.attitude.prediction.forecast import Forecast, Wanted
 from swath_sysid.attitude.prediction.hull_filter import CONVINCING, ExcitationRequest, HullFilterSettings
 from swath_sysid.attitude.prediction.hull_state import MEMORY_OF_SIZE
@@ -178,7 +178,8 @@ class Forecaster:
         """Swap the hull of an axis under the running filter; None where none is known."""
         self._axes[axis].set_model(identified)
         if self._bank is not None:
-            self._bank.renew(HULL, AXES.index(axis))
+            for name in HULLS:
+                self._bank.renew(name, AXES.index(axis))
         self._refit_due = -math.inf
 
     def install(self, fit: SeaFit) -> None:
@@ -367,7 +368,7 @@ class Forecaster:
         step, before = self._clock.step, self._bank
         self._bank = Bank(tuple(self._axes.values()), self._leads, self._clock, self._upstream)
         if before is not None:
-            self._bank.blend.carry_over(before.blend)
+            self._bank.carry_over(before)
         self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
         self._has_waves, self._waiting, self._steps, self._laid_out_at = False, None, 0, self._time
         self._refit_due = -math.inf
@@ -390,7 +391,7 @@ class Forecaster:
         channels = np.array(row[OF_CHANNELS])
         bank.step(channels)
         self._points.step(channels, bank.spaces.get(WAVES))
-        bank.score(np.array(row[OF_SAMPLE][: len(AXES)]), steps)
+        bank.score(np.array(row[OF_SAMPLE][: len(AXES)]))
 
     def _skip_rows(self, count: int):
         if count > 0 and self._bank is not None:

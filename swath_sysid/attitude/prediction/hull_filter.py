@@ -157,7 +157,6 @@ class Observed(NamedTuple):
 
     rejected: bool = False  #: The gate rejected the sample.
     restarted: bool = False  #: The filter restarted from this sample.
-    surprised: bool = False  #: An unforeseen moment has started or stopped: an external push, a line, a gust.
 
 
 @dataclass(frozen=True)
@@ -397,12 +396,10 @@ class HullFilter:
         since, self._since_used, self.rejections = self._since_used, 0.0, 0
         for track in tracks:
             track.update(values, variances, self.learns_hull and track is self.active)
-        surprised = driven.strain > HEALTHY_STRAIN
-        if surprised:
+        if driven.strain > HEALTHY_STRAIN:
             self._something_new(rate == rate, since)
         if self.is_known:
-            for_free = free.log_likelihood - driven.log_likelihood
-            surprised = self._weigh(for_free) or (surprised and not self.is_free)
+            self._weigh(free.log_likelihood - driven.log_likelihood)
         is_quiet = self.is_free or self.levels[0] < INSIGNIFICANT**2
         self._quiet = self._quiet + elapsed if is_quiet else 0.0
         self._since_level += elapsed
@@ -410,7 +407,7 @@ class HullFilter:
             if not self.is_free:
                 self._judge_levels(self._since_level)
             self._since_level = 0.0
-        return Observed(surprised=surprised)
+        return Observed()
 
     def _is_outlier(self, values: tuple[float, float], variances: tuple[float, float]):
         """Whether a sample is beyond its gate; what a jump of the moment explains needs a second sample that says so.
@@ -429,7 +426,7 @@ class HullFilter:
         return False
 
     def _weigh(self, for_free: float):
-        """Wald's sequential test (1945, Ann. Math. Stat. 16, 117) of the active track; whether the other takes over.
+        """Wald's sequential test (1945, Ann. Math. Stat. 16, 117) of the active track: the other one may take over.
 
         The other restarts from the active one's state as often as it has lost (Page 1954, Biometrika 41, 100), because
         the time of release is unknown.
@@ -438,10 +435,8 @@ class HullFilter:
         if self._evidence > CONVINCING:
             self.is_free = not self.is_free
             self._evidence = 0.0
-            return True
-        if self._evidence < -LOST:
+        elif self._evidence < -LOST:
             self._challenge()
-        return False
 
     def _challenge(self):
         """Restart the inactive track from the state of the active one."""

@@ -22,8 +22,8 @@ RIDGE = 1e-8
 # a state whose errors are this much less than the innovations (in variance) is known
 _KNOWN = 1e-4
 STRAIN_TIME = 0.31  #: Periods over which the innovations of the targets are averaged.
-#: A strain beyond which a candidate knows nothing of the present motion, if it lasts for as many times as long.
-CONTRADICTED, _LASTING = 25.0, 3.0
+#: A strain beyond which a candidate knows nothing of the present motion.
+CONTRADICTED = 25.0
 #: An error this many times (in variance) what was expected is not an innovation: the motion was broken off.
 BREAK = 400.0
 #: Standard deviations of the past beyond which what a channel tells of the targets, as in a turn, was never learnt.
@@ -102,7 +102,6 @@ class InnovationsFilter:
         self._watched = np.array(watched) if any(watched) else np.ones(len(watched), dtype=bool)
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
         self._strain_gain = min(1.0, model.step / strain_time)
-        self._doubt_gain = min(1.0, model.step / (_LASTING * strain_time))
         self._largest = BREAK * np.diag(model.s)
         self._learnt_up_to = np.where(self._watched, np.inf, _LEARNT_UP_TO)
         self._at: Any = np.array(steps, dtype=int)
@@ -118,7 +117,7 @@ class InnovationsFilter:
         self.state_covariance: Any = self.model.prior
         self._recent = deque([np.zeros(len(self.model.channels))] * _PAST, maxlen=_PAST)
         self._stepped: Any = None
-        self.strain, self._doubt = 1.0, 1.0
+        self.strain = 1.0
 
     def seed(self, rows: np.ndarray) -> None:
         """Restart and step through recent rows (N, width), oldest first, NaN where missing.
@@ -157,13 +156,6 @@ class InnovationsFilter:
     def _follow_strain(self, square: float):
         if square == square:
             self.strain += self._strain_gain * (square - self.strain)
-            # which a shock alone does not raise
-            self._doubt += self._doubt_gain * (min(square, 4.0 * CONTRADICTED) - self._doubt)
-
-    @property
-    def is_contradicted(self) -> bool:
-        """Whether the model knows nothing of the present motion."""
-        return self._doubt > CONTRADICTED
 
     def _update(self, z: np.ndarray, seen: np.ndarray):
         """The Kalman update with the channels that were seen, all or none of them included.
@@ -307,11 +299,6 @@ class SparseFilter:
     def strain(self) -> float:
         """As of `InnovationsFilter`."""
         return self._space.strain
-
-    @property
-    def is_contradicted(self) -> bool:
-        """As of `InnovationsFilter`."""
-        return self._space.is_contradicted
 
     @property
     def doubt(self) -> float:

@@ -277,11 +277,6 @@ class UpstreamCandidate:
         """See `InnovationsFilter`."""
         return self._space.strain
 
-    @property
-    def is_contradicted(self) -> bool:
-        """As of `InnovationsFilter`."""
-        return self._space.is_contradicted
-
     def step(self, row: np.ndarray) -> None:
         """Take the next row of `CHANNELS`."""
         self._number += 1
