@@ -351,7 +351,8 @@ def test_what_convinces_is_the_likelihood_ratio_of_two_filters(monkeypatch):
             likelihoods.append(multivariate_normal(track.x[:2], spread).logpdf(seen))
             track.update(tuple(seen.tolist()), VARIANCES, False)
         ratio += likelihoods[0] - likelihoods[1]
-        if attitude.observe(0.01, *seen.tolist(), *VARIANCES).surprised:
+        attitude.observe(0.01, *seen.tolist(), *VARIANCES)
+        if attitude.is_free:
             break
         assert ratio < hull_filter.CONVINCING
     assert attitude.is_free and ratio > hull_filter.CONVINCING
