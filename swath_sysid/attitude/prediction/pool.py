@@ -383,50 +383,57 @@ def combined(state: PoolState, layout: Layout, ahead: Ahead) -> tuple[np.ndarray
                 for candidate in range(layout.at_once):
                     if math.isfinite(ahead.mean[candidate, lead, axis]):
                         of_target[candidate] += 1.0 - of_row
-            whole = 0.0
+            whole, centre, claimed = 0.0, 0.0, 0.0
             for candidate in range(candidates):
                 if not math.isfinite(ahead.mean[candidate, lead, target]):
                     of_target[candidate] = 0.0
                 whole += of_target[candidate]
-            centre, claimed, variance = math.nan, math.nan, math.nan
-            if whole > 0.0:
-                of_target /= whole
-                centre = claimed = variance = 0.0
-                for candidate in range(candidates):
-                    if of_target[candidate] > 0.0:
-                        centre += of_target[candidate] * ahead.mean[candidate, lead, target]
-                        claimed += of_target[candidate] * ahead.covariance[candidate, lead, target, target]
-                for candidate in range(candidates):
-                    if of_target[candidate] > 0.0:
-                        apart = ahead.mean[candidate, lead, target] - centre
-                        spread = max(ahead.covariance[candidate, lead, target, target], _LEAST_VARIANCE)
-                        spread *= worth_of_row(state.worth[place, axis, candidate], of_row)
-                        variance += of_target[candidate] * (spread + apart * apart)
-            mean[lead, target], own[lead, target] = centre, math.sqrt(claimed + ahead.noise[target])
+            for candidate in range(candidates):
+                of_target[candidate] /= max(whole, _TINY)
+                if of_target[candidate] > 0.0:
+                    centre += of_target[candidate] * ahead.mean[candidate, lead, target]
+                    claimed += of_target[candidate] * ahead.covariance[candidate, lead, target, target]
+            mean[lead, target] = centre if whole > 0.0 else math.nan
+            own[lead, target] = math.sqrt(claimed + ahead.noise[target]) if whole > 0.0 else math.nan
+            variance = shared(state, ahead, (lead, target, target), (place, of_row), weights, mean[lead])
             factor[target] = math.sqrt(max(scale * variance, ahead.least[target]) / variance)
         for one in range(targets):
             for other in range(one + 1):
-                both, is_there = 0.0, False
-                axis, further = ahead.axis_of[one], ahead.axis_of[other]
-                for candidate in range(candidates):
-                    pair = math.sqrt(weights[one, candidate] * weights[other, candidate])
-                    if pair > 0.0:
-                        is_there = True
-                        apart = ahead.mean[candidate, lead, one] - mean[lead, one]
-                        apart *= ahead.mean[candidate, lead, other] - mean[lead, other]
-                        worth = math.sqrt(
-                            worth_of_row(state.worth[place, axis, candidate], of_row)
-                            * worth_of_row(state.worth[place, further, candidate], of_row)
-                        )
-                        spread = ahead.covariance[candidate, lead, one, other]
-                        if one == other:
-                            spread = max(spread, _LEAST_VARIANCE)
-                        both += pair * (worth * spread + apart)
-                if not is_there:
-                    # targets that no candidate forecasts together are independent
-                    both = 0.0 if factor[one] == factor[one] and factor[other] == factor[other] else math.nan
+                both = shared(state, ahead, (lead, one, other), (place, of_row), weights, mean[lead])
+                if both != both and factor[one] == factor[one] and factor[other] == factor[other]:
+                    both = 0.0  # targets that no candidate forecasts together are independent
                 covariance[lead, one, other] = covariance[lead, other, one] = both * factor[one] * factor[other]
     return mean, covariance, own
+
+
+@accelerated
+def shared(
+    state: PoolState,
+    ahead: Ahead,
+    of: tuple[int, int, int],
+    at: tuple[int, float],
+    weights: np.ndarray,
+    mean: np.ndarray,
+) -> float:
+    """Covariance, at a lead, of two targets (of weights (M, E) and means (M,)) by the law of total covariance.
+
+    NaN where no candidate forecasts both.
+    """
+    (lead, one, other), (place, of_row) = of, at
+    both, is_there = 0.0, False
+    for candidate in range(len(ahead.mean)):
+        pair = math.sqrt(weights[one, candidate] * weights[other, candidate])
+        if pair > 0.0:
+            is_there = True
+            apart = ahead.mean[candidate, lead, one] - mean[one]
+            apart *= ahead.mean[candidate, lead, other] - mean[other]
+            worth = worth_of_row(state.worth[place, ahead.axis_of[one], candidate], of_row)
+            worth *= worth_of_row(state.worth[place, ahead.axis_of[other], candidate], of_row)
+            spread = ahead.covariance[candidate, lead, one, other]
+            if one == other:
+                spread = max(spread, _LEAST_VARIANCE)
+            both += pair * (math.sqrt(worth) * spread + apart)
+    return both if is_there else math.nan
 
 
 @accelerated
