@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.channels import StuckChannels
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.rows import OF_CHANNELS, OF_MEANS, OF_SAMPLE, RowClock, Sampled
-from swath_sysid.attitude.prediction.stuck_channels import StuckChannels
 from swath_sysid.attitude.prediction.unmeasured_angle import (
     FORCE_STD,
     GYRO_BIAS_STD,

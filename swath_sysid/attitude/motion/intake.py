@@ -79,6 +79,8 @@ class CraftSample(NamedTuple):
     yaw: float = nan  #: rad.
     yaw_rate: float = nan  #: rad/s.
     heave: float = nan  #: m, upwards; known from records only.
+    roll_gyro: float = nan  #: Of the body, rad/s, before the attitude is mixed in; known live only.
+    pitch_gyro: float = nan
 
     @property
     def stamp(self) -> float:
@@ -110,14 +112,14 @@ def convert(reading: ImuReading, installation: Installation) -> ConvertedReading
     if quaternion is None and rates is None:
         return ConvertedReading(None, (*reasons, EMPTY))
     angle_variances = rate_variances = _UNKNOWN
-    roll = pitch = yaw = roll_rate = pitch_rate = yaw_rate = nan
+    roll = pitch = yaw = roll_rate = pitch_rate = yaw_rate = x = y = nan
     if quaternion is not None:
         roll, pitch, yaw = attitude.euler_angles(*installation.orientation(*quaternion))
         if abs(pitch) > LARGEST_PITCH:
             return ConvertedReading(None, (*reasons, NEAR_VERTICAL))
         angle_variances = _variances(angle_covariance, installation, LARGEST_ANGLE_VARIANCE, reasons)
     if rates is not None:
-        roll_rate, pitch_rate, yaw_rate = installation.vector(*rates)
+        x, y, _ = roll_rate, pitch_rate, yaw_rate = installation.vector(*rates)
         if quaternion is not None:
             roll_rate, pitch_rate, yaw_rate = attitude.euler_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
         rate_variances = _variances(rate_covariance, installation, LARGEST_RATE_VARIANCE, reasons)
@@ -125,7 +127,7 @@ def convert(reading: ImuReading, installation: Installation) -> ConvertedReading
     if (quaternion is not None and angle_variances is _UNKNOWN) or (rates is not None and rate_variances is _UNKNOWN):
         reasons.append(UNKNOWN_COVARIANCE)
     variances = *angle_variances, *rate_variances
-    sample = CraftSample(stamp_ns, roll, pitch, roll_rate, pitch_rate, *forces, *variances, yaw, yaw_rate)
+    sample = CraftSample(stamp_ns, roll, pitch, roll_rate, pitch_rate, *forces, *variances, yaw, yaw_rate, nan, x, y)
     return ConvertedReading(sample, tuple(reasons))
 
 

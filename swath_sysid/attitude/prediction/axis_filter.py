@@ -8,10 +8,10 @@ from math import degrees, inf
 import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.channels import Channels, Motion
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
 from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE, MEMORY_OF_SIZE, NOW, USUAL_PERIOD
 from swath_sysid.attitude.prediction.hull_watch import HullWatch
-from swath_sysid.attitude.prediction.stuck_channels import StuckChannels
 from swath_sysid.attitude.prediction.unmeasured_angle import UnmeasuredAngle
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import THREE_STD
@@ -51,7 +51,7 @@ class AxisFilter:
         self.noise = self.noise_to_hull = (math.nan, math.nan)
         self._meters = NoiseMeter(*ANGLE_NOISE), NoiseMeter(*RATE_NOISE)
         self._agreement = AgreementMeter()
-        self.unmeasured, self.stuck = UnmeasuredAngle(memory), StuckChannels()
+        self.unmeasured, self.channels = UnmeasuredAngle(memory), Channels()
 
     @property
     def motion(self) -> tuple[float, float]:
@@ -83,15 +83,11 @@ class AxisFilter:
         self.hull.set_period(min(period, natural))
         self.size.period = self._agreement.period = self.unmeasured.period = period
 
-    def without_stuck(self, angle: float, rate: float, elapsed: float) -> tuple[float, float]:
-        """Angle, rad, and rate, rad/s, after the elapsed s, NaN where one repeats itself while the other one moves."""
-        unmeasured = self.unmeasured
-        return self.stuck.take(angle, rate, self.noise, (unmeasured.bias, unmeasured.bias_variance), elapsed)
-
-    @property
-    def is_stuck(self) -> bool:
-        """Whether one of them has been left out for a radian of the motion."""
-        return self.stuck.seconds() > self._agreement.span
+    def believed(self, angle: float, rate: float, sensed: float, elapsed: float) -> tuple[float, float]:
+        """Angle, rad, and rate, rad/s, as they are believed after the elapsed s; see `Channels.take`."""
+        unmeasured, size = self.unmeasured, self.size
+        bias = unmeasured.bias, unmeasured.bias_variance
+        return self.channels.take(angle, rate, sensed, elapsed, Motion(size.period, size.deviation, self.noise, bias))
 
     def follow(
         self, angle: float, rate: float, reported: Sequence[float], elapsed: float, linked: bool, even: bool
@@ -128,7 +124,9 @@ class AxisFilter:
             self._agreement.restart()
             hull.start(angle, rate, *variances)
         self._learn_noise(*((math.nan, math.nan) if rejected else measured), even)
-        self.size.follow(*self.motion, elapsed)
+        # of a motion that nothing shows, the filter's mean comes to rest
+        if angle == angle or rate == rate:
+            self.size.follow(*self.motion, elapsed)
         return rejected, restarted
 
     def evidence_of_step(self, angle: float, rate: float, usual: float, elapsed: float) -> float:

@@ -17,7 +17,7 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.stamps import STEPPED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.bank import HULLS, Bank, ForecasterDiagnostics, diagnose
+from swath_sysid.attitude.prediction.bank import HULLS, Bank, ForecasterDiagnostics, bound, diagnose
 from swath_sysid.attitude.prediction.forecast import Forecast, Wanted
 from swath_sysid.attitude.prediction.hull_filter import CONVINCING, ExcitationRequest, HullFilterSettings
 from swath_sysid.attitude.prediction.hull_state import MEMORY_OF_SIZE
@@ -43,17 +43,23 @@ from swath_sysid.attitude.prediction.time_scale import TimeScale, period_of
 from swath_sysid.attitude.prediction.unmeasured_angle import Gravity
 from swath_sysid.attitude.prediction.upstream import UpstreamRows
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
+from swath_sysid.common.conventions import THREE_STD
 from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
 
-#: Of a sample: angle, rate, and the variances of their noise.
+#: Of a sample: angle, rate, the variances of their noise, and the rate as the gyroscope has it.
 _OF_AXIS = {
-    axis: itemgetter(*(CraftSample._fields.index(axis + part) for part in ('', '_rate', '_variance', '_rate_variance')))
+    axis: itemgetter(
+        *(CraftSample._fields.index(axis + part) for part in ('', '_rate', '_variance', '_rate_variance', '_gyro'))
+    )
     for axis in AXES
 }
 
 _force_of = itemgetter(*(CraftSample._fields.index(f'accel_{axis}') for axis in 'xyz'))
+
+#: Of a sample, what else another frame changes.
+_OF_FRAME = dict.fromkeys(('yaw', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z'), math.nan)
 
 SEA_STATE_INTERVAL = 60.0  #: s.
 
@@ -169,6 +175,7 @@ class Forecaster:
         self._has_waves = False
         self._bank: Bank | None = None
         self._first: CraftSample | None = None
+        self._believed: CraftSample | None = None  #: The newest one, about the level that the filters follow.
         self._waiting: SeaFit | None = None
         self.memory: SeaMemory | None = None  #: What a longer past has taught.
 
@@ -236,6 +243,7 @@ class Forecaster:
             self._break_off()
             self._first = sample
         sample, refused = self._follow_axes(sample, self._sampled, linked)
+        self._believed = sample
         reasons = ((STEPPED,) if is_step else ()) + refused
         # the heading is not forecast: the last one measured is held
         yaw, yaw_rate = self._heading
@@ -244,6 +252,10 @@ class Forecaster:
             sample.yaw_rate if sample.yaw_rate == sample.yaw_rate else yaw_rate,
         )
         ahead = None if self._bank is None else self._ahead(sample.stamp_ns)
+        for (name, axis), angle in zip(self._axes.items(), sample[1:3], strict=True):
+            if axis.channels.level:
+                rate = sample.roll_rate if name == AXES[0] else sample.pitch_rate
+                sample = _with_motion(sample, name, angle + axis.channels.level, rate)
         return ForecastStep(reasons, sample, self._sampled.intervals - 1, ahead)
 
     def _clock_has_stepped(self, sample: CraftSample, usual: float, elapsed: float) -> bool:
@@ -254,7 +266,7 @@ class Forecaster:
         evidence = 0.0
         for name, axis in self._axes.items():
             angle, rate, *_ = _OF_AXIS[name](sample)
-            evidence += axis.evidence_of_step(angle, rate, usual, elapsed)
+            evidence += axis.evidence_of_step(angle - axis.channels.level, rate, usual, elapsed)
         return evidence > CONVINCING
 
     def issue(self, step: ForecastStep, wanted: Callable[[], Wanted] = Wanted) -> ForecastStep:
@@ -265,7 +277,7 @@ class Forecaster:
         sea = self._take_over(bank)
         filtered = [axis.motion if axis.hull.is_started else None for axis in self._axes.values()]
         unknown = [axis.unmeasured.is_unknown for axis in self._axes.values()]
-        for age, row in self._clock.take(sample, self._sampled, filtered, unknown):
+        for age, row in self._clock.take(self._believed or sample, self._sampled, filtered, unknown):
             self._steps += 1
             if row is not None:
                 self._take_row(bank, self._steps, self._stamp - age, row)
@@ -305,13 +317,13 @@ class Forecaster:
             for axis, level in zip(self._axes.values(), levels, strict=False):
                 axis.unmeasured.know_level(*level)
         for name, axis in self._axes.items():
-            angle, rate, *reported = _OF_AXIS[name](sample)
-            used = axis.without_stuck(angle, rate, elapsed)
-            if axis.is_stuck:
-                reasons += (f'stuck-{name}',)
+            angle, rate, *reported, sensed = _OF_AXIS[name](sample)
+            used = axis.believed(angle, rate, sensed, elapsed)
+            found = axis.channels.findings(self._scale.period / math.tau)
+            reasons += tuple(f'{each}-{name}' for each in found)
             rejected, restarted = axis.follow(*used, reported, elapsed, linked, even)
             if rejected:
-                reasons += (f'outlier-{name}',)
+                reasons += (f'outlier-{name}',) * ('outlier' not in found)
                 used = math.nan, math.nan
             elif axis.reach is not None:
                 axis.reach.add(sample.stamp, used[0])
@@ -320,6 +332,10 @@ class Forecaster:
             # a copy costs more than a look
             if used != (angle, rate):
                 sample = _with_motion(sample, name, *used)
+        if any(axis.channels.is_turned for axis in self._axes.values()):
+            sample = sample._replace(**_OF_FRAME)
+        elif any(axis.channels.wrong for axis in self._axes.values()):
+            sample = sample._replace(yaw_rate=math.nan)
         return sample, reasons
 
     # -- rows
@@ -528,11 +544,25 @@ class Forecaster:
                 covariance[0, place, place] += axis.doubt_of_level
             else:
                 mean[0, of_axis] = covariance[0, of_axis] = covariance[0, :, of_axis] = math.nan
+        centre, largest = np.zeros((2, size))
+        for place, axis in enumerate(self._axes.values()):
+            centre[place] = axis.size.mean
+            doubt = math.sqrt(max(axis.noise[0], axis.doubt_of_angle))
+            largest[place :: len(AXES)] = THREE_STD * max(axis.size.extent, doubt)
+        largest[len(AXES) :] *= math.tau / self._scale.period
+        bound(mean, covariance, centre, largest)
         return self._issued(Forecast(stamp_ns, np.array([lead]), mean, covariance), {})
 
     def _issued(self, attitude: Forecast, points: dict[str, PointMotion]) -> Forecast:
         """The forecast with heading and points: every one passes here."""
         a = attitude
+        for place, axis in enumerate(self._axes.values()):
+            level, variance = axis.channels.reading
+            if level or variance:
+                # no wilder than the motion
+                most = THREE_STD * axis.size.extent
+                a.mean[:, place] += min(max(level, -most), most)
+                a.covariance[:, place, place] += min(variance, most * most)
         return Forecast(a.stamp_ns, a.leads, a.mean, a.covariance, self._heading, points, a.own_deviation)
 
     def _issue(
