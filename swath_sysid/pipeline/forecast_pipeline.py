@@ -191,8 +191,10 @@ class ForecastPipeline:
 
     def _begin_again(self) -> None:
         """Forget what was learnt from stamps that were no times of samples."""
+        limits = self.forecaster.quiescence
         self.forecaster, self._first_ns = Forecaster(self.settings.forecaster), None
         self.forecaster.memory = self._remembered
+        self.forecaster.set_quiescence(limits)
         for axis, model in self.models.items():
             if model is not None:
                 self.forecaster.set_model(axis, model)

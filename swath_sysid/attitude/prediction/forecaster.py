@@ -164,6 +164,7 @@ class Forecaster:
         self._upstream = UpstreamRows(s.upstream, capacity)
         axes = tuple(self._axes.values())
         self._points = PointForecaster(s.points, axes, 2 * MOST_AHEAD)
+        self.quiescence = s.quiescence  #: The limits in use.
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
         self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
         self._time = self._rows_begun = self._laid_out_at = self._stamp = 0.0
@@ -200,6 +201,7 @@ class Forecaster:
     def set_quiescence(self, limits: QuiescenceLimits | None) -> None:
         """Forecast the probability of other limits over the configured duration; None: the configured ones."""
         if limits is not None and self._calm is not None:
+            self.quiescence = limits
             self._calm.quiescence.set_limits(limits)
 
     def quiescence_reliability(self) -> Reliability | None:

@@ -95,6 +95,7 @@ class HullPrior:
     drift: np.ndarray  #: (10, 10); growth of the covariance in a second.
     #: Name of a factor to the (10,) derivatives of its logarithm at the usual amplitude.
     directions: dict[str, np.ndarray]
+    is_assumed: bool = False  #: Whether the covariance is no one's finding.
 
     @classmethod
     def of(cls, identified: IdentifiedModel | None) -> Self:
@@ -122,7 +123,7 @@ class HullPrior:
         if trim_std != trim_std:
             trim_std = IDENTIFIED_TRIM_STD if is_exact else UNKNOWN_TRIM_STD
         covariance[0, 0], drift[0, 0] = trim_std**2, TRIM_DRIFT
-        return cls(mean, covariance, drift, directions)
+        return cls(mean, covariance, drift, directions, is_exact)
 
 
 def _directions(model: DecayModel, largest: float, mean: np.ndarray):
@@ -504,7 +505,10 @@ class HullFilter:
         for name, direction in prior.directions.items():
             change = float(direction @ (self.x[OF_HULL] - prior.mean))
             before, now = (math.sqrt(direction @ spread @ direction) for spread in (prior.covariance, covariance))
-            is_unlikely = abs(change) > THREE_STD * before
+            # what nobody has found cannot be contradicted by its deviation, and of damping waves tell this filter little
+            if prior.is_assumed and name == 'damping' and not self.is_free:
+                continue
+            is_unlikely = not prior.is_assumed and abs(change) > THREE_STD * before
             is_much = abs(change) > max(MUCH[name], THREE_STD * now)
             if self.model is not None and (is_unlikely or is_much):
                 more, stds = 'more' if change > 0.0 else 'less', change / before
