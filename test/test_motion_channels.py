@@ -139,3 +139,13 @@ def test_after_a_gap_an_angle_is_believed():
     (angle, rate, *_), codes = believed(angles, rates + 0.01)
     np.testing.assert_array_equal(angle, angles)
     assert not any(codes) and np.isfinite(rate).all()
+
+
+def test_a_dead_axis_is_known_by_its_gyroscope_though_attitude_is_mixed_into_its_rate():
+    angles, rates = measured(*motion_of())
+    dead = np.where(IS_WRONG, 0.0, rates)
+    mixed = dead + 1e-4 * np.sin(TIME)
+    channels, motion = Channels(), Motion(PERIOD, SIZE, (9e-8, 4e-6), (0.0, 1e-8))
+    found = np.array([channels.take(*each, INTERVAL, motion) for each in zip(angles, mixed, dead, strict=True)])
+    assert np.isnan(found[BEGINS + 60 : ENDS, 1]).all() and np.isfinite(found[ENDS + 120 :, 1]).all()
+    np.testing.assert_array_equal(found[BEGINS + 60 : ENDS, 0], angles[BEGINS + 60 : ENDS])

@@ -125,9 +125,17 @@ class AxisFilter:
             hull.start(angle, rate, *variances)
         self._learn_noise(*((math.nan, math.nan) if rejected else measured), even)
         # of a motion that nothing shows, the filter's mean comes to rest
-        if angle == angle or rate == rate:
-            self.size.follow(*self.motion, elapsed)
+        if not rejected and (angle == angle or rate == rate):
+            self.size.follow(*self._seen(angle, rate, variances[0]), elapsed)
         return rejected, restarted
+
+    def _seen(self, angle: float, rate: float, of_angle: float) -> tuple[float, float]:
+        """Filtered angle and rate, or measured ones, NaN where they are not, if the filter has run away from them."""
+        filtered = self.motion
+        off, size = abs(filtered[0] - angle), self.size
+        if off * off > CREDIBLE * of_angle and off > size.deviation:
+            return angle, rate if rate == rate else 0.0
+        return filtered
 
     def evidence_of_step(self, angle: float, rate: float, usual: float, elapsed: float) -> float:
         """Log likelihood ratio of angle and rate, NaN where not measured, ``usual`` s against ``elapsed`` s later.
