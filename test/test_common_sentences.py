@@ -10,6 +10,7 @@ import pytest
 
 import swath_sysid
 from swath_sysid.attitude.motion import intake, stamps
+from swath_sysid.attitude.motion.channels import FINDINGS
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.advice import FLAGS, SENTENCES, Advice
 from swath_sysid.common.conditions import CONDITIONS, GROUPS, LEVELS, codes_in
@@ -54,7 +55,7 @@ def test_sentences_are_filled_and_not_too_long():
 
 
 def test_every_condition_that_is_noticed_is_a_row_and_every_row_is_noticed(nodes):
-    noticed = {each for axis in AXES for each in (f'outlier-{axis}', f'stuck-{axis}', f'gate-restarted-{axis}')}
+    noticed = {f'{each}-{axis}' for axis in AXES for each in (*FINDINGS, 'gate-restarted')}
     noticed |= {
         value for name, value in (vars(stamps) | vars(intake)).items() if name.isupper() and isinstance(value, str)
     }

@@ -74,6 +74,16 @@ def test_a_frame_that_turns_is_never_taken_over():
     assert all(each == ('frame-turned',) for each in codes[BEGINS:ENDS]) and not any(codes[ENDS:])
 
 
+def test_after_a_silence_that_nothing_bridges_a_turned_sensor_begins_anew():
+    angles, rates = measured(*motion_of())
+    channels, motion = Channels(), Motion(PERIOD, SIZE, (9e-8, 4e-6), (0.0, 1e-8))
+    for number in range(4000):
+        sign = -1.0 if number >= BEGINS else 1.0
+        channels.take(sign * angles[number], sign * rates[number], math.nan, INTERVAL, motion)
+    assert channels.is_turned
+    assert channels.take(0.01, 0.02, math.nan, 0.0, motion) == (0.01, 0.02) and not channels.is_turned
+
+
 @pytest.mark.parametrize('ramp', [0.01, 0.05])
 def test_a_mount_that_is_hit_is_the_new_level_within_four_periods(ramp):
     true, rate = motion_of()

@@ -8,10 +8,15 @@ from imu_stream import EPOCH_NS, reading
 
 from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.motion.intake import ConvertedReading
+from swath_sysid.attitude.motion.stamps import BURSTS
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter, Reach
-from swath_sysid.attitude.prediction.hull_filter import HullFilterSettings
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.hull_filter import FACTORS, HullFilter, HullFilterSettings
+from swath_sysid.attitude.prediction.hull_state import HULL_STATES, RATIOS
+from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.pipeline.forecast_health import PredictorHealth
-from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
+from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.health import WARN
 
 HULL = IdentifiedModel.exactly(hull_named('swath-pitch').model)
@@ -32,6 +37,28 @@ def swung(model, degrees, periods=6.0, rate=50.0):
 @pytest.mark.parametrize(('degrees', 'is_outside'), [(0.1, False), (6.3, False), (7.3, True), (20.0, True)])
 def test_motion_beyond_the_amplitudes_of_the_record_is_told(degrees, is_outside):
     assert swung(FOUND, degrees) == is_outside * ['outside-valid-amplitude']
+
+
+@pytest.mark.parametrize('is_free', [True, False])
+@pytest.mark.parametrize(('name', 'share', 'is_told'), [('damping', 0.6, False), ('stiffness', 0.8, True),
+                                                        ('stiffness', 0.93, None)])  # fmt: skip
+def test_a_hull_given_as_exact_is_contradicted_by_much_and_its_damping_by_free_motion(is_free, name, share, is_told):
+    hull = HullFilter()
+    hull.set_hull(HULL)
+    hull.start(0.05, 0.0, 1e-8, 1e-6)
+    hull.is_free = is_free
+    for track in (hull.driven, hull.free):
+        track.x[RATIOS:HULL_STATES][FACTORS[name]] *= share
+    told = [each.code for each in hull.advice()]
+    assert told == ['model-contradicted'] * (is_told is not None and (is_told or is_free))
+
+
+def test_limits_that_were_changed_live_survive_bursts():
+    limits, others = QuiescenceLimits(roll=0.1, duration=1.0), QuiescenceLimits(roll=0.2, duration=1.0)
+    pipeline = ForecastPipeline(PipelineSettings(forecaster=ForecasterSettings(quiescence=limits)))
+    pipeline.forecaster.set_quiescence(others)
+    pipeline.begin(ConvertedReading(None, (BURSTS,)))
+    assert pipeline.forecaster.quiescence is others
 
 
 def test_an_amplitude_is_that_of_the_last_two_periods():

@@ -20,6 +20,9 @@ from typing import NamedTuple
 from swath_sysid.attitude.motion.sensor_checks import MIN_TURN
 from swath_sysid.common.conventions import NEGLIGIBLE, THREE_STD, TWO_STD
 
+#: What is counted of a sample, of each axis.
+FINDINGS = 'stuck', 'outlier', 'angle-jumped', 'angle-late', 'rate-wrong', 'frame-turned'
+
 ALIKE = 1e-8  #: rad, rad/s; a smaller change is that of rounding.
 PATIENCE = 5  #: Samples in a row that contradict a repeated rate: a single wrong angle departs from any.
 NU = 30.0  #: Of Student's t: what is far off costs its logarithm, not its square.
@@ -243,6 +246,8 @@ class Channels:
     def take(self, angle: float, rate: float, sensed: float, elapsed: float, motion: Motion) -> tuple[float, float]:
         """Angle, rad, about the old level, and rate, rad/s, NaN where not believed, after the elapsed s."""
         angle, rate = self.stuck.take(angle, rate, motion.noise, motion.bias, elapsed, sensed)
+        # after a silence that nothing bridges the sensor may have begun anew
+        self.is_turned = self.is_turned and elapsed > 0.0
         if self.is_turned:
             angle, rate = -angle, -rate
         if self._fades:
@@ -457,7 +462,7 @@ class Channels:
         return self.level + share * offset.value, share * (1.0 - share) * offset.value**2 + self._variance
 
     def findings(self, radian: float) -> tuple[str, ...]:
-        """What is to be counted of the newest sample, in a motion of which a radian takes so many s."""
+        """What is to be counted of the newest sample, of `FINDINGS`, in a motion of which a radian takes so many s."""
         found = ('stuck',) if self.stuck.seconds() > radian else ()
         if self.is_turned:
             found += ('frame-turned',)

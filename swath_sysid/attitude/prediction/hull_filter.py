@@ -505,7 +505,7 @@ class HullFilter:
         for name, direction in prior.directions.items():
             change = float(direction @ (self.x[OF_HULL] - prior.mean))
             before, now = (math.sqrt(direction @ spread @ direction) for spread in (prior.covariance, covariance))
-            # what nobody has found cannot be contradicted by its deviation, and of damping waves tell this filter little
+            # an assumed deviation contradicts nothing, and of damping waves tell this filter little
             if prior.is_assumed and name == 'damping' and not self.is_free:
                 continue
             is_unlikely = not prior.is_assumed and abs(change) > THREE_STD * before
