@@ -118,6 +118,18 @@ def test_an_angle_that_comes_late_is_taken_for_what_it_was():
     assert 'angle-late' in codes[later.stop - 1] and not any(codes[-50:])
 
 
+def test_an_angle_that_is_corrected_though_it_is_not_late_is_believed_again():
+    angles, rates = measured(*motion_of())
+    channels, motion = Channels(), Motion(PERIOD, SIZE, (9e-8, 4e-6), (0.0, 1e-8))
+    told = []
+    for number, (angle, rate) in enumerate(zip(angles.tolist(), rates.tolist(), strict=True)):
+        if number == BEGINS:
+            channels.lag = 0.05
+        told.append(channels.take(angle, rate, math.nan, INTERVAL, motion)[0])
+    assert channels.lag == 0.0
+    np.testing.assert_array_equal(told[-1500:], angles[-1500:])
+
+
 @pytest.mark.parametrize('size', [0.03, 0.1, math.pi])
 def test_single_wrong_angles_are_left_out_and_change_nothing_else(size):
     angles, rates = measured(*motion_of())

@@ -15,6 +15,7 @@ the new one with the other, and forecasts have both.
 """
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from swath_sysid.attitude.motion.sensor_checks import MIN_TURN
@@ -194,6 +195,15 @@ class Offset:
         return -product / rates if product * product > EXPLAINS * square * rates else 0.0
 
 
+@dataclass
+class LagDoubt:
+    """Whether an angle is late at all: how well it follows the rates as it is."""
+
+    followed: float  #: rad; by the rates of a radian.
+    seconds: float = 0.0  #: Since it has been corrected.
+    excess: float = 0.0  #: rad^2 s; of the corrected one's square over its own.
+
+
 class Wrong:
     """A rate that contradicts its angle: since when, and for how long it has agreed with it again."""
 
@@ -230,6 +240,7 @@ class Channels:
         self.is_turned = False  #: Whether the sensor's frame is another one than it was.
         self.level = self.lag = 0.0  #: rad and s; of the sensor's angle, since it was first seen.
         self._of_lag = 0.0  # rad^2; the variance that remains
+        self._lag_doubt = LagDoubt(0.0)
         self.offset: Offset | None = None
         self.wrong: Wrong | None = None
         self._untold = self._skipped = 0.0  # s that the angle is missing, and since a sample that was not skipped
@@ -377,6 +388,8 @@ class Channels:
         apart = angle - followed
         self._followed = followed + elapsed * math.tau / motion.period * apart
         off, change, apart = off * off, change * change, apart * apart
+        if self.lag:
+            self._doubt_lag(angle - self.lag * mean_rate, mean_rate, apart, elapsed, motion)
         if self._count > YOUNG_SAMPLES:
             off, change = min(off, _NINE * self._of_angle), min(change, _NINE * self._of_rate)
             apart = min(apart, _NINE * self._of_radian)
@@ -384,6 +397,22 @@ class Channels:
         self._of_angle += gain * (off - self._of_angle)
         self._of_rate += gain * (change - self._of_rate)
         self._of_radian += gain * (apart - self._of_radian)
+
+    def _doubt_lag(self, uncorrected: float, mean_rate: float, square: float, elapsed: float, motion: Motion):
+        """Correct the angle no longer once the uncorrected one has followed the rates better over a period.
+
+        ``square`` is how far the corrected one is off the rates of a radian, rad^2.
+        """
+        doubt = self._lag_doubt
+        followed = doubt.followed + elapsed * mean_rate
+        apart = uncorrected - followed
+        doubt.followed = followed + elapsed * math.tau / motion.period * apart
+        keep = math.exp(-elapsed / motion.period)
+        doubt.seconds += elapsed
+        doubt.excess = keep * doubt.excess + elapsed * (square - apart * apart)
+        if doubt.seconds > motion.period and doubt.excess > 0.0:
+            self._fades -= self.lag * mean_rate
+            self.lag = self._of_lag = 0.0
 
     def _follow_offset(self, offset: Offset, angle: float, rate: float, elapsed: float, motion: Motion):
         """The rate alone tells the angle, until that is back, or what it is has been found."""
@@ -417,6 +446,7 @@ class Channels:
         if offset.seconds > period and 0.0 < abs(offset.lag) < radian:
             lag = self.lag + offset.lag
             self.lag = lag if abs(lag) > self._interval else 0.0
+            self._lag_doubt = LagDoubt(angle)
             # what the rate changes in that time
             self._of_lag = (0.5 * self.lag**2 * (math.tau / period) ** 2 * motion.size) ** 2
             return self._settle(apart + offset.lag * rate)

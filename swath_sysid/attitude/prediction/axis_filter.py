@@ -125,8 +125,8 @@ class AxisFilter:
             hull.start(angle, rate, *variances)
         self._learn_noise(*((math.nan, math.nan) if rejected else measured), even)
         # of a motion that nothing shows, the filter's mean comes to rest
-        if not rejected and (angle == angle or rate == rate):
-            self.size.follow(*self._seen(angle, rate, variances[0]), elapsed)
+        if not rejected and (measured[0] == measured[0] or rate == rate):
+            self.size.follow(*self._seen(measured[0], rate, variances[0]), elapsed)
         return rejected, restarted
 
     def _seen(self, angle: float, rate: float, of_angle: float) -> tuple[float, float]:
