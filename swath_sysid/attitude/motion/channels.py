@@ -34,7 +34,8 @@ ANY_CRAFT = 0.078  #: rad; an unknown craft may move so far in its period.
 MEMORY = 19.0  #: Periods over which is learnt how well readings follow one another.
 STILL = 1e-4  #: rad; a smaller disagreement is none.
 YOUNG, YOUNG_SAMPLES = 2.0, 50  #: Periods, and samples, until that is known.
-SPIKE, GOES_ON = 0.9, 0.3  #: Share of the offsets that are spikes, and of their samples that another one follows.
+#: Spikes of ten offsets before any was seen, and share of their samples that another one follows.
+SPIKES, GOES_ON = 9.0, 0.3
 DECAYS = 0.25, 0.5, 1.0, 2.0, 4.0, 8.0  #: Periods; time constants of a sensor that finds back to its level.
 LEVEL_STD = 0.07  #: Of an offset over its first value, while its kind is found.
 CERTAIN = 0.95  #: Probability of a new level from which it is taken over.
@@ -139,10 +140,11 @@ class Motion(NamedTuple):
 class Offset:
     """How far an angle is off: spike, decay or new level, by the likelihood of how it goes on."""
 
-    def __init__(self, value: float) -> None:
+    def __init__(self, value: float, spikes: float) -> None:
+        """With its first value, rad, and how many offsets have been spikes, and one has not."""
         self.first = self.value = value  #: rad.
         self.seconds = self._since = 0.0  #: Since it began, and since it was largest, while it is measured.
-        self._spike, self.samples = SPIKE, 1
+        self._spike, self.samples = spikes / (spikes + 1.0), 1
         self._kept, self._decayed = 1.0, [1.0] * len(DECAYS)  # least likelihoods so far, of a level and of what decays
         # of one, the offset, its square, its product with the rate, the square of the rate, and of the offset's change
         self._moments = [0.0] * 6
@@ -246,6 +248,7 @@ class Channels:
         self._untold = self._skipped = 0.0  # s that the angle is missing, and since a sample that was not skipped
         self._both = 0  # samples in a row of which neither is believed
         self._fades = 0.0  # rad; of an offset that is over, to the level
+        self._spikes = SPIKES
         self._agrees = 0.0  # s that an angle that was off has been back
         self._time, self._count, self._interval = 0.0, 0, 0.0
         # the newest angle and rate believed, about the old level, and the variance of one that the rate tells
@@ -346,7 +349,7 @@ class Channels:
                 elif found == 'offset':
                     self._tell(rate, elapsed, motion)
                     self._rate, self._agrees = rate, 0.0
-                    self.offset = Offset(angle - self._angle)
+                    self.offset = Offset(angle - self._angle, self._spikes)
                     return math.nan, math.nan
                 elif found == 'wrong':
                     self._angle, self._variance = angle, 0.0
@@ -434,7 +437,9 @@ class Channels:
             if offset.samples > PATIENCE and offset.seconds < radian:
                 # no spike: the angle is coarser than it was
                 self._of_angle += min(offset.seconds / period, 1.0) * (offset.first**2 - self._of_angle)
-            self._settle(apart if offset.seconds > 0.5 * radian else 0.0)
+            is_spike = offset.seconds < 0.5 * radian
+            self._spikes += is_spike
+            self._settle(0.0 if is_spike else apart)
             self._angle = angle - self._fades
             return None
         if offset.seconds < 0.5 * period:
