@@ -498,7 +498,7 @@ class Channels:
 
     def findings(self, radian: float) -> tuple[str, ...]:
         """What is to be counted of the newest sample, of `FINDINGS`, in a motion of which a radian takes so many s."""
-        found = ('stuck',) if self.stuck.seconds() > radian else ()
+        found: tuple[str, ...] = ('stuck',) if self.stuck.seconds() > radian else ()
         if self.is_turned:
             found += ('frame-turned',)
         if self.offset is not None:
