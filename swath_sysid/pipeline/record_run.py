@@ -60,7 +60,7 @@ def samples_of(trial: Trial) -> Iterator[CraftSample]:
         np.round(trial.time * 1e9).astype(np.int64).tolist(), *(values.tolist() for values in columns), strict=True
     ):
         motion, further = values[: len(CHANNELS)], values[len(CHANNELS) :]
-        yield CraftSample(stamp_ns, *motion, *unknown, math.nan, *further)
+        yield CraftSample._make((stamp_ns, *motion, *unknown, math.nan, *further, math.nan, math.nan))
 
 
 class UpstreamSeries(NamedTuple):

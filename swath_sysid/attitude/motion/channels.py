@@ -37,6 +37,7 @@ YOUNG, YOUNG_SAMPLES = 2.0, 50  #: Periods, and samples, until that is known.
 #: Spikes of ten offsets before any was seen, and share of their samples that another one follows.
 SPIKES, GOES_ON = 9.0, 0.3
 DECAYS = 0.25, 0.5, 1.0, 2.0, 4.0, 8.0  #: Periods; time constants of a sensor that finds back to its level.
+JUMP = 0.3  #: rad; by which a sensor that was hit may turn.
 LEVEL_STD = 0.07  #: Of an offset over its first value, while its kind is found.
 CERTAIN = 0.95  #: Probability of a new level from which it is taken over.
 EXPLAINS = 0.8  #: Share of an offset's square that goes with the rate, where the angle is late.
@@ -172,8 +173,8 @@ class Offset:
     @property
     def level(self) -> float:
         """Probability that it is the new level."""
-        decayed = sum(self._decayed) / len(DECAYS)
-        return (1.0 - self._spike) * self._kept / max(self._kept + decayed, NEGLIGIBLE)
+        kept, decayed = self._kept * math.exp(-0.5 * (self.first / JUMP) ** 2), sum(self._decayed) / len(DECAYS)
+        return (1.0 - self._spike) * kept / max(kept + decayed, NEGLIGIBLE)
 
     @property
     def mean(self) -> float:

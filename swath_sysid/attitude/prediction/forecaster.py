@@ -58,9 +58,6 @@ _OF_AXIS = {
 
 _force_of = itemgetter(*(CraftSample._fields.index(f'accel_{axis}') for axis in 'xyz'))
 
-#: Of a sample, what else another frame changes.
-_OF_FRAME = dict.fromkeys(('yaw', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z'), math.nan)
-
 SEA_STATE_INTERVAL = 60.0  #: s.
 
 MOST_AHEAD = 2000  #: Rows that the longest lead may be.
@@ -335,7 +332,8 @@ class Forecaster:
             if used != (angle, rate):
                 sample = _with_motion(sample, name, *used)
         if any(axis.channels.is_turned for axis in self._axes.values()):
-            sample = sample._replace(**_OF_FRAME)
+            n = math.nan
+            sample = sample._replace(yaw=n, yaw_rate=n, accel_x=n, accel_y=n, accel_z=n)
         elif any(axis.channels.wrong for axis in self._axes.values()):
             sample = sample._replace(yaw_rate=math.nan)
         return sample, reasons
