@@ -23,11 +23,12 @@ def installed(folder, destination):
 def long_description():
     """The README with links that lead somewhere from an index of packages, too: to the repository's main branch."""
     text = Path(__file__).resolve().with_name('README.md').read_text(encoding='utf-8')
-    return re.sub(
+    of_links = re.sub(
         r'(!?)\[([^]]*)\]\((?!\w+:)',
         lambda m: f'{m[1]}[{m[2]}]({URLS["repository"]}/{m[1] and "raw" or "blob"}/main/',
         text,
     )
+    return re.sub(r'\b(src|srcset)="(?!\w+:)', rf'\1="{URLS["repository"]}/raw/main/', of_links)
 
 
 URLS = {url.get('type'): url.text for url in MANIFEST.findall('url')}

@@ -92,7 +92,8 @@ def test_the_site_lists_every_page_and_the_readme_fits_on_a_screen_with_absolute
     done = subprocess.run([sys.executable, 'setup.py', '-q', '--long-description'], cwd=ROOT, **PIPES)
     links = [token.attrs.get('href') or token.attrs.get('src') for token in tokens_of(done.stdout)]
     assert done.returncode == 0 and [link for link in links if link and not link.startswith('https://')] == []
-    assert sum(map(bool, links)) > 5
+    pictures = re.findall(r'\bsrc(?:set)?="([^"]+)', done.stdout)
+    assert sum(map(bool, links)) > 5 and all(picture.startswith('https://') for picture in pictures)
 
 
 @pytest.mark.parametrize('line', command_lines())
