@@ -228,6 +228,7 @@ def test_every_block_says_what_it_is_and_the_list_of_those_left_out_is_true():
 def is_a_manifest(text, folder):
     for name in ('pitch_8deg_1.0T_repeat1.csv', 'roll_8deg_1.5ms_repeat1.csv'):
         (folder / name).write_text('time_s,roll_deg\n0,0\n')
+    (folder / 'logo.svg').write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
     (folder / 'campaign.yaml').write_text(text)
     (trials_of,) = offered('trials_shown')
     trials, missing = trials_of(folder / 'campaign.yaml')

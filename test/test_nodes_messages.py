@@ -77,7 +77,7 @@ def test_a_window_of_another_maker_is_read():
         (lambda m: m.data.pop(), '1919 of 1920 bytes'),
         (lambda m: setattr(m.fields[3], 'datatype', PointField.FLOAT32), 'no FLOAT64 column'),
         (lambda m: m.fields.pop(2), 'no FLOAT64 column pitch'),
-        (lambda m: setattr(m.fields[1], 'offset', 68), 'reaches beyond'),
+        (lambda m: setattr(m.fields[1], 'offset', 92), 'reaches beyond'),
     ],
 )
 def test_a_window_that_is_none_is_refused_by_a_sentence(spoil, sentence):

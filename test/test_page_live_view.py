@@ -162,7 +162,7 @@ def test_each_release_is_listed_with_what_it_added_and_the_last_minute_can_be_ta
             tank.record.set_models({'pitch': replace(hull, metrics={'motion_error': error}, provenance=provenance)})
     last, second, first = view.releases_in_words(tank.record.tried['pitch'])
     assert first.startswith('From 5.') and 'deg: next decay forecast to within 20 %' in first
-    assert 'within 5 % (20 % before)' in second and last.endswith('no new model')
+    assert 'within 5 % of its motion (20 % before)' in second and last.endswith('no new model')
     source = SimpleNamespace(lock=nullcontext(), record=tank.record, description='', sensor='')
     (tmp_path / 'motion.csv').write_text(PageState(source, tmp_path).download('motion.csv'))
     trial = read_csv(tmp_path / 'motion.csv')

@@ -19,6 +19,7 @@ from swath_sysid.attitude.motion.decay_candidates import (
     HOLD_BAND,
     IRREGULAR,
     MIN_HALF_CYCLES,
+    SEVERAL,
     SLOW_NOISE,
     DecayCandidate,
     are_decays,
@@ -121,9 +122,15 @@ def _unbroken(levels: Sequence[EvenSignal], decays: list[DecayCandidate]) -> lis
     longer = [
         each
         for each in _sizable_candidates(levels, EVIDENT, SLOW_NOISE)
-        if each.shrinks_in_the_mean and any(abs(each.release - other.release) < 0.25 * other.period for other in broken)
+        if each.shrinks_in_the_mean and any(_goes_on(each, other) for other in broken)
     ]
     return [*decays, *_decays_among(longer)]
+
+
+def _goes_on(longer: DecayCandidate, broken: DecayCandidate) -> bool:
+    """Whether it is the same release, and goes on for so long that it is no other motion."""
+    is_same = abs(longer.release - broken.release) < 0.25 * broken.period
+    return is_same and longer.double_amplitudes.size >= broken.double_amplitudes.size + SEVERAL
 
 
 def _turned(motion: AxisMotion, decay: DecayCandidate) -> float:
