@@ -74,7 +74,8 @@ class _Repeats:
         """
         hides = departure * departure > resolved * resolved + THREE_STD * THREE_STD * variance
         self._hides = self._hides + 1 if hides else 0 if self._hides < patience else patience
-        self.is_stuck = hides or self._hides >= patience
+        # what contradicts a repeated rate once may itself be wrong
+        self.is_stuck = (hides and self._hides > 1) or self._hides >= patience
 
 
 class StuckChannels:

@@ -242,7 +242,7 @@ class MotionSize:
         self._elapsed += elapsed
         self._angle = angle
         self.reach.add(self._elapsed, angle)
-        slow = elapsed / min(self._memory * self.period, self._elapsed) if elapsed > 0.0 else 0.0
+        slow = min(1.0, elapsed / min(self._memory * self.period, self._elapsed)) if elapsed > 0.0 else 0.0
         known = max(self._elapsed, 1e-9)
         quick = elapsed / min(NOW * self.period, known)
         steady = elapsed / min(LATELY * self.period, known)

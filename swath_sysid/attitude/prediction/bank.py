@@ -38,13 +38,13 @@ from swath_sysid.common.conventions import NEGLIGIBLE, THREE_STD
 
 HULL, FREE_HULL, LIBRARY, LEVEL = 'hull-filter', 'free-hull', 'sea-library', 'mean'
 #: Weights before any error. A hull is free by a test of such odds, and nothing else is to be known then; the mean knows
-#: nothing of the present motion. The hulls come first: they follow every sample.
+#: nothing of the present motion, a memory may be of another sea. The hulls come first: they follow every sample.
 CANDIDATES = {
     HULL: 1.0,
     FREE_HULL: math.exp(CONVINCING),
     LIBRARY: 1.0,
     LEVEL: 0.1,
-    MEMORY: 1.0,
+    MEMORY: 0.1,
     NEW_WAVES: 1.0,
     WAVES: 1.0,
     LONG_WAVES: 1.0,
