@@ -10,12 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swath_sysid.attitude.hull.catalogue import GENERAL_HULL
+from swath_sysid.attitude.hull.catalogue import GENERAL_HULL, composed
 from swath_sysid.attitude.hull.decay_model import Equation
 from swath_sysid.attitude.hull.simulation import simulate
-from swath_sysid.attitude.hull.terms import LOWER, UPPER
+from swath_sysid.attitude.hull.terms import LOWER, TERMS, UPPER
 from swath_sysid.attitude.identification.fit_quality import unexplained_share
-from swath_sysid.attitude.identification.hull_terms import WITH_FRICTION
 from swath_sysid.attitude.identification.motion_fit import (
     PERTURBATION,
     SEARCH_STEPS_PER_PERIOD,
@@ -90,7 +89,9 @@ class Leftover:
         self._step = self.period / SEARCH_STEPS_PER_PERIOD
         self._motions = tuple(block_means(m, self.period, SEARCH_STEPS_PER_PERIOD) for m in found.problem.motions)
         self._longest = max(motion.duration for motion in self._motions)
-        general = WITH_FRICTION if 'b0' in found.model.equation.terms else GENERAL_HULL
+        equations = [found.model.equation, *([found.posterior.equation] if found.posterior else [])]
+        terms = {*GENERAL_HULL.terms, *(name for equation in equations for name in equation.terms)}
+        general = composed([name for name in TERMS if name in terms])
         limits = LOWER[general.indices], UPPER[general.indices]
         problem = replace(found.problem, motions=self._motions)
         parameters = motion_fit(problem, general).pack(found.model.ratios, found.states)

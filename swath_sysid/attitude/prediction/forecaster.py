@@ -562,7 +562,8 @@ class Forecaster:
                 # no wilder than the motion
                 most = THREE_STD * axis.size.extent
                 a.mean[:, place] += min(max(level, -most), most)
-                a.covariance[:, place, place] += min(variance, most * most)
+                own = a.covariance[:, place, place]
+                a.covariance[:, place, place] = np.maximum(own, np.minimum(own + variance, most * most))
         return Forecast(a.stamp_ns, a.leads, a.mean, a.covariance, self._heading, points, a.own_deviation)
 
     def _issue(

@@ -293,7 +293,7 @@ def learn(state: PoolState, layout: Layout, row: Row, at: tuple[int, int, int], 
             state.tried[place, axis, candidate] = tried = min(state.tried[place, axis, candidate] + share, most)
             worth = state.worth[place, axis, candidate]
             state.worth[place, axis, candidate] = max(worth + share / tried * (shown - worth), LEAST_WORTH)
-        state.square[place, axis, candidate] += gain * (own - state.square[place, axis, candidate])
+        state.square[place, axis, candidate] += (1.0 - keep) * (own - state.square[place, axis, candidate])
     pooled, weight = 0.0, 0.0
     for candidate in range(len(means)):
         if math.isfinite(ratio[candidate]):
@@ -312,7 +312,7 @@ def learn(state: PoolState, layout: Layout, row: Row, at: tuple[int, int, int], 
     # over a period
     surprise = min(_SQUARE_QUANTILE * square / past[1], CREDIBLE)
     state.recent[place, axis] += step / (1.0 + step) * (surprise - state.recent[place, axis])
-    state.pooled_square[place, axis] += gain * (square - state.pooled_square[place, axis])
+    state.pooled_square[place, axis] += (1.0 - keep) * (square - state.pooled_square[place, axis])
     state.coverage[place, axis] += gain * (1.0 - is_missed - state.coverage[place, axis])
 
 
