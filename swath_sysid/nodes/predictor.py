@@ -161,7 +161,8 @@ class Predictor(Node):
         self.pipeline.begin_anew(settings)
         found = forecast_publishers(self, self.parameters, self.health, self._publisher_of)
         self._messages, self._publisher_of, self._wanted = found
-        self.get_logger().info('forecasts begin anew, and learn the waves again, with the changed parameters')
+        if self.pipeline.used:  # else nothing has begun
+            self.get_logger().info('forecasts begin anew, and learn the waves again, with the changed parameters')
 
     def _load(self) -> None:
         """Hand on the models at the present loading; the filters keep their state."""
