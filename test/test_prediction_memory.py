@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from records_at_sea import sea
+from scipy.linalg import block_diag
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
@@ -123,6 +124,17 @@ def test_a_memory_on_every_so_many_rows_is_that_of_the_same_motion(every):
     assert np.abs((errors[1:] * errors[:-1]).mean(axis=0) / errors.var(axis=0)).max() < 0.15
 
 
+def test_a_state_that_ends_at_once_has_no_memory_on_more_rows():
+    """Its powers below one are not finite; on fewer rows it is gone."""
+    model = oscillators()
+    ended = replace(
+        model, a=block_diag(model.a, 0.0), k=np.vstack([model.k, [[0.1, 0.1]]]), c=np.hstack([model.c, [[0.1], [0.1]]])
+    )
+    memory = SeaMemory(2.0, 200.0, replace(ended, prior=np.eye(5)))
+    assert memory.candidate(0.05) is None
+    assert memory.candidate(0.3) is not None
+
+
 def test_a_memory_on_more_rows_forecasts_them(buoy):
     """That of every second row, alone: over half a second it errs by a fifth of the motion at most."""
     rows = rows_of(buoy[0])
@@ -168,7 +180,7 @@ def test_a_shorter_past_replaces_no_memory(buoy):
 def test_other_settings_leave_the_memory(buoy):
     pipeline = ForecastPipeline(SETTINGS)
     pipeline.remember(buoy[1])
-    pipeline.begin_anew(PipelineSettings())
+    pipeline.reset(PipelineSettings())
     assert pipeline.memory is buoy[1]
 
 

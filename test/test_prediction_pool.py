@@ -229,10 +229,10 @@ def test_a_new_model_may_be_nearly_as_good_as_the_best_and_another_hull_begins_a
     learning = Learning()
     learning.run(np.array([9.0, 1.0])[:, None, None] * np.ones((2, 3, 1)), 1.0, 300)
     assert (learning.state.worth[..., 0] > 2.0).all()
-    learning.state = learning.pool.renew(learning.state, 0, slice(None))
+    learning.state = learning.pool.reset(learning.state, 0, slice(None))
     np.testing.assert_allclose(learning.state.score[..., 0], learning.state.score[..., 1] - 1.0)
     assert (learning.state.worth[..., 0] > 2.0).all()
-    learning.state = learning.pool.renew(learning.state, 0, 0, is_other=True)
+    learning.state = learning.pool.reset(learning.state, 0, 0, is_other=True)
     assert (learning.state.worth[..., 0] == 1.0).all() and (learning.state.tried[..., 0] == 8.0).all()
 
 

@@ -22,14 +22,14 @@ class SeaFitting:
         self._ended: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
         self.is_fitting = False  #: Whether `hands_over` is to be called before each sample.
         self._due_ns = self._newest_ns = 0
-        self._is_of_before = False  #: Whether the fit under way is of a past that the pipeline has forgotten.
+        self._is_of_before = False  #: Whether the fit under way is of a past that the pipeline no longer has.
         self.worker = Worker(warm_up, lambda: health.note('wave-worker-died'))
 
     def close(self) -> None:
         """End the worker."""
         self.worker.close()
 
-    def forget(self) -> None:
+    def drop(self) -> None:
         """Use no fit that is under way."""
         self._is_of_before = self.is_fitting
 

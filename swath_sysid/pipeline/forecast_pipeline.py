@@ -180,7 +180,7 @@ class ForecastPipeline:
         self._since_used += 1
         self._left_out += 1
 
-    def begin_anew(self, settings: PipelineSettings) -> None:
+    def reset(self, settings: PipelineSettings) -> None:
         """Forecast with other settings, and learn the sea anew; the models and what is remembered of the sea stay."""
         self._remembered = self.forecaster.memory
         if settings.installation != self.settings.installation:

@@ -8,10 +8,10 @@ Of every sample, these are compared, each by Student's t of what it would leave 
     offset   the rate has gone on, and the angle may be anything: a restart, a mount that was hit, a spike
     turned   good, of minus the angle and minus the rate: another frame
 
-A repeated value is stuck where what it hides is no chance (`StuckChannels`). An angle that is off is told by its rate,
-about the old level, until it is back, late (its error goes with the rate) or coarse (its error has no level), or is the
-new level. Whether it is that is not known at first: what the sensor would read is the old level with one probability,
-the new one with the other, and forecasts have both.
+A repeated value is stuck if the other channel shows a motion that it hides and that chance does not explain
+(`StuckChannels`). While an angle is off, the integrated rate replaces it, about the old level. That ends when the angle
+is back, when it turns out to be late (its error goes with the rate) or coarse (its error has no level), or when the
+offset is the new level. Until that is decided, forecasts are the mixture of both levels by their probability.
 """
 
 import math
@@ -72,7 +72,7 @@ class _Repeats:
 
         ``variance`` is that of the departure by chance.
         """
-        hides = departure * departure > resolved * resolved + THREE_STD * THREE_STD * variance
+        hides = departure * departure > resolved * resolved + _NINE * variance
         self._hides = self._hides + 1 if hides else 0 if self._hides < patience else patience
         # what contradicts a repeated rate once may itself be wrong
         self.is_stuck = (hides and self._hides > 1) or self._hides >= patience
@@ -231,7 +231,7 @@ class Wrong:
             before = angle - self._begun - self.seconds * self._rate_before
             return log_density(departure, by_rate) - log_density(before, as_before) > self._odds
         self.agrees += elapsed
-        if departure * departure > THREE_STD * THREE_STD * by_rate:
+        if departure * departure > _NINE * by_rate:
             self._angle, self._turned, self.agrees = angle, 0.0, 0.0
         return self.agrees > radian
 

@@ -167,9 +167,9 @@ class Bank:
             self._is_contradicted = True
         return (was_contradicted or self._is_contradicted) and is_recent
 
-    def renew(self, name: str, axis: int | slice = slice(None)) -> None:
+    def reset(self, name: str, axis: int | slice = slice(None)) -> None:
         """Judge a candidate with a new model, for an axis or all, as an untried one."""
-        self.state = self.pool.renew(self.state, self._place[name], axis, is_other=name in HULLS)
+        self.state = self.pool.reset(self.state, self._place[name], axis, is_other=name in HULLS)
 
     def carry_over(self, other: 'Bank') -> None:
         """Begin with what another bank, on other rows, has learnt of the errors."""
@@ -181,7 +181,7 @@ class Bank:
         for candidate in self._on_rows.values():
             candidate.step(row)
         for place in self._library.begun_anew():
-            self.renew(LIBRARY, place)
+            self.reset(LIBRARY, place)
 
     def skip(self, count: int) -> None:
         """Step over missing rows."""
@@ -229,13 +229,16 @@ class Bank:
         else:
             mean, covariance = self._forecasts(np.maximum(self._leads[:count] + lateness, 0.0), age)
         ahead = self.pool.combine(self.state, stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
-        doubt = np.array([axis.doubt_of_angle for axis in self._axes])
-        for place, unknown in enumerate(doubt.tolist()):
-            ahead.covariance[:, place, place] += unknown
-        level, reach = self._bounds(doubt)
-        rate = 2.0 * math.pi / self._period
-        bound(ahead.mean, ahead.covariance, np.append(level, 0.0 * level), np.append(reach, rate * reach))
+        for place, axis in enumerate(self._axes):
+            ahead.covariance[:, place, place] += axis.doubt_of_angle
+        self.limit(ahead.mean, ahead.covariance)
         return ahead
+
+    def limit(self, mean: np.ndarray, covariance: np.ndarray) -> None:
+        """Make means (L, 4) and covariances (L, 4, 4) of the motion no wilder than it is."""
+        level, reach = self._bounds(np.array([axis.doubt_of_angle for axis in self._axes]))
+        rate = 2.0 * math.pi / self._period
+        bound(mean, covariance, np.append(level, 0.0 * level), np.append(reach, rate * reach))
 
     def gain_of(self, channel: str) -> np.ndarray:
         """Share of the least running error (S, A) of the others that candidates with an upstream channel save.

@@ -17,7 +17,7 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.stamps import STEPPED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
-from swath_sysid.attitude.prediction.bank import HULLS, Bank, ForecasterDiagnostics, bound, diagnose
+from swath_sysid.attitude.prediction.bank import HULLS, Bank, ForecasterDiagnostics, diagnose
 from swath_sysid.attitude.prediction.forecast import Forecast, Wanted
 from swath_sysid.attitude.prediction.hull_filter import CONVINCING, ExcitationRequest, HullFilterSettings
 from swath_sysid.attitude.prediction.hull_state import MEMORY_OF_SIZE
@@ -184,7 +184,7 @@ class Forecaster:
         self._axes[axis].set_model(identified)
         if self._bank is not None:
             for name in HULLS:
-                self._bank.renew(name, AXES.index(axis))
+                self._bank.reset(name, AXES.index(axis))
         self._refit_due = -math.inf
 
     def install(self, fit: SeaFit) -> None:
@@ -250,7 +250,7 @@ class Forecaster:
             sample.yaw if sample.yaw == sample.yaw else yaw,
             sample.yaw_rate if sample.yaw_rate == sample.yaw_rate else yaw_rate,
         )
-        ahead = None if self._bank is None else self._ahead(sample.stamp_ns)
+        ahead = None if self._bank is None else self._ahead(self._bank, sample.stamp_ns)
         for (name, axis), angle in zip(self._axes.items(), sample[1:3], strict=True):
             if axis.channels.level:
                 rate = sample.roll_rate if name == AXES[0] else sample.pitch_rate
@@ -498,7 +498,7 @@ class Forecaster:
         for name, model in fit.waves.items():
             # what a longer memory errs by is known from its fit before, which is nearly the same
             if name != LONG_WAVES or name not in bank.spaces:
-                bank.renew(name)
+                bank.reset(name)
             bank.use(name, model, self._newest(2 * SPARSE * MAX_LAGS))
             self._has_waves = True
         if WAVES in fit.waves:
@@ -533,7 +533,7 @@ class Forecaster:
         following = self._due + period
         self._due = following if self._time - slack < following <= self._time + period else self._time + period - slack
 
-    def _ahead(self, stamp_ns: int) -> Forecast:
+    def _ahead(self, bank: Bank, stamp_ns: int) -> Forecast:
         """One sample ahead, by the hulls' filters alone."""
         lead, size = self._clock.interval, len(ATTITUDE)
         mean, covariance = np.zeros((1, size)), np.zeros((1, size, size))
@@ -544,13 +544,7 @@ class Forecaster:
                 covariance[0, place, place] += axis.doubt_of_level
             else:
                 mean[0, of_axis] = covariance[0, of_axis] = covariance[0, :, of_axis] = math.nan
-        centre, largest = np.zeros((2, size))
-        for place, axis in enumerate(self._axes.values()):
-            centre[place] = axis.size.mean
-            doubt = math.sqrt(max(axis.noise[0], axis.doubt_of_angle))
-            largest[place :: len(AXES)] = THREE_STD * max(axis.size.extent, doubt)
-        largest[len(AXES) :] *= math.tau / self._scale.period
-        bound(mean, covariance, centre, largest)
+        bank.limit(mean, covariance)
         return self._issued(Forecast(stamp_ns, np.array([lead]), mean, covariance), {})
 
     def _issued(self, attitude: Forecast, points: dict[str, PointMotion]) -> Forecast:

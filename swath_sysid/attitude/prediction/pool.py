@@ -173,7 +173,7 @@ class Pool:
             state.kept_mean[row % rows] = state.kept_pooled[row % rows] = np.nan
         return state._replace(row=state.row + count)
 
-    def renew(self, state: PoolState, candidate: int, axis: int | slice, *, is_other: bool = False) -> PoolState:
+    def reset(self, state: PoolState, candidate: int, axis: int | slice, *, is_other: bool = False) -> PoolState:
         """A candidate has a new model, for an axis or all: it may be nearly as good as the best.
 
         What the claims of one before were worth says little of those of a model that ``is_other``.

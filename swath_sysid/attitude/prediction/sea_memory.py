@@ -54,7 +54,9 @@ def at_step(model: InnovationsModel, step: float) -> InnovationsModel | None:
     eigenvalues, vectors = np.linalg.eig(m.a)
 
     def power(exponent: float) -> np.ndarray:
-        return np.linalg.solve(vectors.T, (vectors * eigenvalues.astype(complex) ** exponent).T).T.real
+        with np.errstate(all='ignore'):  # a state that ends at once has none below one
+            powers = eigenvalues.astype(complex) ** exponent
+        return np.linalg.solve(vectors.T, (vectors * powers).T).T.real
 
     try:
         prior = solve_discrete_lyapunov(m.a, m.k @ m.s @ m.k.T)
