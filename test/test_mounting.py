@@ -104,16 +104,17 @@ def test_a_model_remembers_its_mounting_and_is_rejected_with_another(tmp_path, c
 
 def test_the_predictor_rejects_a_model_of_another_mounting():
     pytest.importorskip('rclpy')
-    from swath_sysid.nodes.predictor import Predictor
+    from swath_sysid.nodes.models_in_use import ModelsInUse
 
     identified = IdentifiedModel.exactly(hull_named('swath-roll').model)
     text = model_to_yaml({'roll': replace(identified, provenance={'mounting_deg': [15, -10, 90]})})
     for mounting, is_rejected in ((None, True), (tuple(np.radians([15.0, -10.0, 90.0])), False)):
         settings = SimpleNamespace(installation=Installation('flu', mounting))
         pipeline, transforms = SimpleNamespace(settings=settings), SimpleNamespace(are_awaited=False)
-        node = SimpleNamespace(pipeline=pipeline, transforms=transforms)
+        used = ModelsInUse.__new__(ModelsInUse)
+        used._pipeline, used._transforms = pipeline, transforms
         with pytest.raises(InputError, match='mounted at 15,-10,90 deg') if is_rejected else nullcontext():
-            assert set(Predictor._models_in(node, text)[0]) == {'roll'}
+            assert set(used.read(text)[0]) == {'roll'}
 
 
 def test_a_tilt_and_an_unstated_mounting_are_reported_with_the_flag_that_sets_it(tmp_path, capsys):
@@ -294,8 +295,8 @@ def test_live_the_predictor_takes_the_transform_and_then_rejects_a_model_of_anot
     identified = IdentifiedModel.exactly(hull_named('swath-roll').model)
     text = model_to_yaml({'roll': replace(identified, provenance={'mounting_deg': [0, 0, -90]})})
     node = spun.made(Predictor)
-    node._described = Predictor._models_in(node, text)
-    node._load()
+    node.models._described = node.models.read(text)
+    node.models.load()
     assert node.pipeline.models['roll'] is not None
     truth = decay(0.5, 1.0)
     readings = list(ImuRecord(np.round(1e9 * (1000.0 + truth.time)).astype(int), turned(truth, ROTATIONS[0])))

@@ -68,9 +68,9 @@ def test_a_sensor_of_which_any_field_is_spoilt_is_used_again_when_it_is_well(mad
 def test_loadings_and_models_of_which_any_field_is_spoilt_are_refused_in_a_sentence(made):
     node = made(Predictor)
     for _, message in spoilt(Float64(data=1.0)):
-        node._on_loading(message)
+        node.models.take_loading(message)
     for _, message in spoilt(String(data='nothing')):
-        node._intake.submit(message.data)
+        node.models.intake.submit(message.data)
     assert all(report.message for report in node._reports())
 
 

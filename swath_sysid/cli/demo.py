@@ -113,7 +113,7 @@ def _table_of_sea(skill: Skill) -> Table:
 
 def _release(craft: _Craft, processes: Any, output: Path, keeps_running: bool) -> int:
     from swath_sysid.nodes.demo_monitor import Listener
-    from swath_sysid.nodes.executor_loop import ros_session
+    from swath_sysid.nodes.ros_session import ros_session
 
     began = time.monotonic()
     with ros_session() as stop:

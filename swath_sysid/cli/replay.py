@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def run(arguments: Namespace) -> int:
     """Replay until the end or a signal."""
     with ros_needed():
-        from swath_sysid.nodes.executor_loop import ros_session
         from swath_sysid.nodes.replay import Replay
+        from swath_sysid.nodes.ros_session import ros_session
     from swath_sysid.formats.bag_replay import ReplaySettings
 
     settings = ReplaySettings(

@@ -4,24 +4,22 @@ A node with `is_behind` and `work` only queues messages in its callbacks, and wo
 services, signals and the other nodes get their turn also while messages come faster than they are handled.
 """
 
-import re
-import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from swath_sysid.common.errors import DONE, NOTHING_DONE, InputError
 from swath_sysid.common.wings import named
 from swath_sysid.formats.topics import listed
+from swath_sysid.nodes.ros_session import ros_session
 
 #: Makers of executors, each with what makes the nodes that it runs: a class, or ``MODULE CLASS`` of this package, which
 #: is imported when its turn comes. Of nodes that work between callbacks, the first has precedence.
@@ -43,26 +41,6 @@ def events_executor(context: rclpy.Context | None = None) -> Executor:
     except ImportError:
         return SingleThreadedExecutor(context=context)
     return EventsExecutor(context=context)
-
-
-@contextmanager
-def ros_session(args: list[str] | None = None) -> Iterator[threading.Event]:
-    """ROS from its start to its end; Ctrl-C and SIGTERM set the event."""
-    stop, signalled = threading.Event(), threading.Event()
-
-    def on_signal(*_: object) -> None:
-        signalled.set()
-        stop.set()
-
-    previous = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        _initialise(args)
-        yield stop
-    finally:
-        rclpy.try_shutdown()
-        for number, handler in previous.items():
-            # after a signal the process is about to end, and another Ctrl-C must not hurt it, even in its last moments
-            signal.signal(number, signal.SIG_IGN if signalled.is_set() else handler)
 
 
 def run(plan: Plan, args: list[str] | None = None) -> int:
@@ -108,18 +86,6 @@ def _log_ready(nodes: Sequence[Node]) -> None:
         log.info(f'ready: {names}; waiting for the first message on {" and ".join(awaited)}')
         log.info(f'subscribed to {listed(inputs)}')
         log.info(f'publishing {listed(made)}')
-
-
-def _initialise(args: list[str] | None) -> None:
-    """Start rclpy without its signal handlers, which raise KeyboardInterrupt while nodes are destroyed."""
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        # the C library's message ends with places in its source
-        reason = re.sub(r'\s*, at \S+:\d+', '', str(error)).removeprefix('failed to initialize rcl: ')
-        if 'initialize logging' in reason:
-            raise InputError(f'ROS cannot be started ({reason}): set ROS_LOG_DIR to a writable folder') from error
-        raise InputError(f'ROS cannot be started with these arguments: {reason}') from error
 
 
 def _spin_all(executors: list[Executor], working: list[Any], stop: threading.Event) -> None:

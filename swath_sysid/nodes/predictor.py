@@ -5,23 +5,19 @@ from dataclasses import replace
 from time import perf_counter
 
 from rclpy.node import Node
-from std_msgs.msg import Float64, String
 
-from swath_sysid.attitude.hull.identified_model import check_mounting, models_at
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.prediction.forecast import nothing
-from swath_sysid.common.errors import InputError
 from swath_sysid.formats.messages import imu_reading, stamp_ns
-from swath_sysid.formats.model_file import description_from_yaml
-from swath_sysid.formats.topics import DESCRIPTION_TOPIC, NEXT_TOPIC
+from swath_sysid.formats.topics import NEXT_TOPIC
 from swath_sysid.nodes import qos
-from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, EachOnce
+from swath_sysid.nodes.diagnostics import DiagnosticsPublisher
 from swath_sysid.nodes.executor_loop import Plan, events_executor
 from swath_sysid.nodes.forecast_publishers import forecast_publishers
 from swath_sysid.nodes.inbox import PacedInbox
 from swath_sysid.nodes.kept_sea import KeptSea
 from swath_sysid.nodes.kernels import KernelLoading
-from swath_sysid.nodes.model_intake import ModelIntake
+from swath_sysid.nodes.models_in_use import ModelsInUse
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import pipeline_settings
 from swath_sysid.nodes.sea_fitting import SeaFitting
@@ -39,10 +35,6 @@ class Predictor(Node):
 
     def __init__(self) -> None:
         super().__init__('predictor')
-        logger = self.get_logger()
-        # rclpy allows a line of code one severity
-        self._log_error = EachOnce(lambda sentence: logger.error(sentence))
-        self._log_warning = EachOnce(lambda sentence: logger.warning(sentence))
         self.parameters = NodeParameters(self, 'predictor', pipeline_settings, self._on_parameters)
         in_step, depth = self.parameters['in_step'], self.parameters['queue_depth']
         self.upstream = Upstream(self, self.parameters['upstream'], depth)
@@ -52,23 +44,17 @@ class Predictor(Node):
         self._kernels = KernelLoading(warm_up, self, self.health)
         self.sea = SeaFitting(self.pipeline, self.health, self.get_logger(), in_step)
         self._messages, self._publisher_of, self._wanted = forecast_publishers(self, self.parameters, self.health)
-        self._described: tuple[dict, dict] = {}, {}
-        self._published_loading: float | None = None
-        self._intake = ModelIntake(self._models_in, self._refuse_model)
-        qos.watched_subscription(
-            self, String, DESCRIPTION_TOPIC, lambda message: self._intake.submit(message.data), qos.LATCHED, self.health
-        )
-        qos.watched_subscription(self, Float64, 'craft/loading', self._on_loading, qos.NEWEST, self.health)
+        self.transforms = Transforms(self, self.parameters)
+        self.models = ModelsInUse(self, self.parameters, self.pipeline, self.health, self.transforms)
         self.upstream.listen(self.pipeline, self.health)
         self.inbox = PacedInbox(self, depth, self.health, in_step)
-        self.transforms = Transforms(self, self.parameters)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters['diagnostics_period_s'], self._reports)
 
     def destroy_node(self) -> None:
         """Also end the workers and the intake, and keep what was learnt of the sea."""
         self._kernels.close()
         self.sea.close()
-        self._intake.close()
+        self.models.intake.close()
         self._sea_file.keep()
         super().destroy_node()
 
@@ -81,7 +67,7 @@ class Predictor(Node):
         """Handle the samples that wait, for so long: forecast from each or, where others wait behind it, from the
         newest only; if they come faster than they can be handled, some are left out.
         """
-        if self._intake.endings and self._use_new_models():
+        if self.models.intake.endings and self.models.use_new():
             self._diagnostics.publish()  # a user who has just seen the model must not read that there is none
         until = perf_counter() + seconds
         while self.is_behind and (begun := perf_counter()) < until:
@@ -112,76 +98,29 @@ class Predictor(Node):
         self.health.note_forecast(qos.arrival_time(self) - arrival, self.inbox.pace.stride)
         self._publish(self._messages.of(step))
 
-    def _models_in(self, text: str) -> tuple[dict, dict]:
-        """Models and schedules of a text, of which an empty one takes the models away."""
-        models, schedules = description_from_yaml(text, DESCRIPTION_TOPIC) if text else ({}, {})
-        if not self.transforms.are_awaited:
-            check_mounting(models, self.pipeline.settings.installation)
-        return models, schedules
-
     def _publish(self, messages: Iterable[tuple[str, bytes]]) -> None:
         for topic, raw in messages:
             self._publisher_of[topic].publish(raw)
-
-    def _use_new_models(self) -> bool:
-        """Use what came on model/description, once it is read; whether something came."""
-        before = self._described
-        for description in self._intake.finished():
-            self._described = description
-            self._load()
-            self.health.note_model(perf_counter())
-            known = [f'{axis} {held.model.equation.name}' for axis, held in description[0].items()]
-            self.get_logger().info(f'new model: {", ".join(known) or "none"}')
-        return self._described is not before
-
-    def _refuse_model(self, sentence: str) -> None:
-        self.health.note_refused_model(sentence)
-        self._log_error(f'{sentence}; the previous model stays')
-
-    def _on_loading(self, message: Float64) -> None:
-        before, self._published_loading = self._published_loading, message.data
-        try:
-            self._load()
-        except InputError as error:
-            self._published_loading = before
-            self.health.note('bad-loading', 'loading')
-            self._log_error(f'{error}; the previous loading stays')
 
     def _on_parameters(self, settings: PipelineSettings) -> None:
         before, settings = self.pipeline.settings, self.upstream.settings(settings)
         others = [replace(each, forecaster=replace(each.forecaster, quiescence=None)) for each in (before, settings)]
         if others[0] != others[1]:
-            self._begin_anew(settings)
+            self._reset(settings)
         self.pipeline.forecaster.set_quiescence(settings.forecaster.quiescence)
-        self._load()
+        self.models.load()
 
-    def _begin_anew(self, settings: PipelineSettings) -> None:
+    def _reset(self, settings: PipelineSettings) -> None:
         """Forecast for other leads, or of a sensor that is mounted otherwise."""
-        self.sea.forget()
-        self.pipeline.begin_anew(settings)
+        self.sea.drop()
+        self.pipeline.reset(settings)
         found = forecast_publishers(self, self.parameters, self.health, self._publisher_of)
         self._messages, self._publisher_of, self._wanted = found
         if self.pipeline.used:  # else nothing has begun
             self.get_logger().info('forecasts begin anew, and learn the waves again, with the changed parameters')
 
-    def _load(self) -> None:
-        """Hand on the models at the present loading; the filters keep their state."""
-        try:
-            if not self.transforms.are_awaited:
-                check_mounting(self._described[0], self.pipeline.settings.installation)
-        except InputError as error:
-            self._described = {}, {}
-            self.health.note_refused_model(str(error))
-            self._log_error(f'{error}; until then it is forecast without a model')
-        models, advice = models_at(*self._described, self.parameters['loading'] or self._published_loading)
-        self.pipeline.set_models(models)
-        self.health.settle('loading')
-        for item in advice:
-            self.health.note('loading-advice', 'loading')
-            self._log_warning(item.message)
-
     def _reports(self) -> list[Report]:
-        self._use_new_models()  # also while the sensor is silent
+        self.models.use_new()  # also while the sensor is silent
         qos.note_publishers(self, self.inbox.subscription, self.health)
         self.health.note_predictors(self.count_publishers(self._publisher_of[NEXT_TOPIC].topic_name))
         return [*self.health.reports(perf_counter(), self.get_clock().now().nanoseconds), *self.upstream.reports()]

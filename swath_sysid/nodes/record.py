@@ -6,24 +6,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node, NodeNameNonExistentError
-from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
-from rclpy.task import Future
-from sensor_msgs.msg import Imu
 
-from swath_sysid.attitude.motion.attitude import turn_in_craft
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.messages import transform_message
 from swath_sysid.formats.output_bag import Recording, is_ours
 from swath_sysid.formats.topics import STATIC_FRAMES, TRANSFORMS, is_within
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD, OF_ROS, events_executor, run
-from swath_sysid.nodes.parameters.settings import installation
 from swath_sysid.nodes.parameters.table import NODES
 from swath_sysid.nodes.qos import BAG_DEPTH, IMU_TOPIC, IMU_TYPE, bag_qos, message_class
+from swath_sysid.nodes.sensor_mounting import SensorMounting
 from swath_sysid.pipeline.health import DISCOVERY
 
 SAVE_PERIOD = 1.0  #: s of messages that a loss of power costs at most.
@@ -41,9 +34,7 @@ class Record(Node):
         self._others = {f'/{topic.strip("/")}' for topic in others}
         self._sensors = {self.resolve_topic_name(IMU_TOPIC)}
         self._subscribed: dict[str, Any] = {}
-        self._buffer = self.create_client(GetParameters, 'imu_buffer/get_parameters')
-        self._asked: Future | None = None
-        self._frame_id = ''  #: Of the sensor.
+        self._mounting = SensorMounting(self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._look()
         self.create_timer(LOOK_PERIOD, self._look, clock=steady)
@@ -87,20 +78,11 @@ class Record(Node):
 
     def _note_mounting(self) -> None:
         """Write the mounting that imu_buffer has by parameter, as the transform that the verbs read."""
-        if not self._frame_id or STATIC_FRAMES in self._subscribed:
+        if STATIC_FRAMES in self._subscribed or STATIC_FRAMES in self._recording.counts:
             return
-        if self._asked is None:
-            if self._buffer.service_is_ready():
-                self._asked = self._buffer.call_async(
-                    GetParameters.Request(names=['frame', 'mounting_deg', 'frame_id'])
-                )
-        elif self._asked.done() and STATIC_FRAMES not in self._recording.counts:
-            frame, angles, craft = map(parameter_value_to_python, self._asked.result().values)
-            mount = installation({'frame': frame, 'mounting_deg': list(angles)})
-            if mount.mounting is not None and self._frame_id != craft:
-                write = self._recording.add_topic(STATIC_FRAMES, TRANSFORMS, True, True)
-                now_ns = self.get_clock().now().nanoseconds
-                self._write(write, transform_message(now_ns, craft, self._frame_id, turn_in_craft(mount)))
+        raw = self._mounting.transform(self.get_clock().now().nanoseconds)
+        if raw is not None:
+            self._write(self._recording.add_topic(STATIC_FRAMES, TRANSFORMS, True, True), raw)
 
     def _report(self) -> None:
         """Once, when everything that is there has been found."""
@@ -117,7 +99,7 @@ class Record(Node):
             )
 
     def _write_imu(self, write: Callable[[int, bytes], None], raw: Any) -> None:
-        self._frame_id = self._frame_id or deserialize_message(raw, Imu).header.frame_id
+        self._mounting.note_frame(raw)
         self._write(write, raw)
 
     def _write(self, write: Callable[[int, bytes], None], raw: Any) -> None:
