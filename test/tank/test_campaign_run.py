@@ -40,7 +40,7 @@ from swath_sysid.tank.campaign.evaluation import out_of_order
 from swath_sysid.tank.campaign.manifest import read_manifest
 from swath_sysid.tank.campaign.run import run_campaign
 from swath_sysid.tank.campaign.work import ResultStore, executor_of
-from swath_sysid.tank.cli import campaign
+from swath_sysid.tank.cli import kept_work
 from swath_sysid.tank.report import campaign_tables, client_pages
 from swath_sysid.tank.report.campaign_report import every_table, write_report
 from swath_sysid.tank.report.campaign_results import in_words
@@ -456,7 +456,7 @@ def test_a_lost_scheduler_ends_with_one_sentence_and_what_is_done_stays(trials, 
         (0, future_of(asyncio.CancelledError())),
     ):
         lost = nullcontext(Ending(tasks, end))
-        monkeypatch.setattr(campaign, 'executor_of', lambda *_, lost=lost: lost)
+        monkeypatch.setattr(kept_work, 'executor_of', lambda *_, lost=lost: lost)
         assert main(['campaign', str(trials / 'campaign.yaml'), '--output', str(tmp_path)]) == 2
         error = capsys.readouterr().err
         assert 'the connection to the Dask scheduler was lost' in error and 'Traceback' not in error
@@ -526,7 +526,7 @@ def at_two_speeds(tmp_path_factory):
         write_csv(folder / f'pitch_6deg_{factor}T_{speed}ms_repeat{repeat}.csv', made)
     (folder / 'campaign.yaml').write_text(TANK)
     outcome = work_off(folder, folder / 'out')
-    write_report(outcome, folder / 'out')
+    write_report(outcome, folder / 'out', with_annex=True)
     return outcome, folder / 'out'
 
 

@@ -1,6 +1,5 @@
 """``swath-sysid campaign``: a whole trial matrix to tables, figures and a model that depends on the draft."""
 
-import logging
 import math
 import sys
 import time
@@ -8,19 +7,18 @@ from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
 
-from swath_sysid.cli.progress import print_result, progress_of, show_advice
+from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
 from swath_sysid.report.pdf import browser, write_pdf
 from swath_sysid.tank.campaign.manifest import read_manifest
 from swath_sysid.tank.campaign.proposal import write_new_manifest
 from swath_sysid.tank.campaign.run import CampaignOutcome, run_campaign
-from swath_sysid.tank.campaign.work import ResultStore, executor_of
+from swath_sysid.tank.cli.kept_work import RESULTS, kept_work, said_to_continue
 from swath_sysid.tank.report.campaign_report import REPORTED, write_report
 from swath_sysid.tank.report.campaign_results import conclusion_of, left_out_of, used_of
 
 MANIFEST = 'campaign.yaml'
-RESULTS = 'results'
 
 
 def run(arguments: Namespace) -> int:
@@ -36,11 +34,8 @@ def run(arguments: Namespace) -> int:
         return DONE
     if arguments.output is None:
         raise InputError('give --output with the folder of the report')
-    try:
+    with said_to_continue():
         return _work_off(arguments)
-    except KeyboardInterrupt:
-        print('stopped: the same command continues from the finished fits', file=sys.stderr)
-        raise
 
 
 def _work_off(arguments: Namespace) -> int:
@@ -59,14 +54,7 @@ def _work_off(arguments: Namespace) -> int:
     refuse_inputs_among([folder / name for name in (*REPORTED, RESULTS)], read)
     for fault in manifest.faults:
         print(f'warning: {arguments.manifest}, {fault}', file=sys.stderr)
-    # the loss of a scheduler is reported in one sentence, not by the tracebacks of its client
-    logging.getLogger('distributed').setLevel(logging.CRITICAL)
-    store = ResultStore(folder / RESULTS)
-    with (
-        store.locked(),
-        executor_of(arguments.jobs, arguments.scheduler) as executor,
-        progress_of('campaign') as progress,
-    ):
+    with kept_work('campaign', folder, arguments) as (store, executor, progress):
         outcome = run_campaign(
             manifest, store, executor, lambda at: progress(at.done / max(at.total, 1), '; '.join(at.running[:2]))
         )

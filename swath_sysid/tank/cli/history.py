@@ -1,7 +1,6 @@
 """``swath-sysid history``: period, damping and GM of one craft over days, from its records or model files."""
 
 import re
-import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
@@ -16,7 +15,7 @@ from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.cli.identify import check_positive
-from swath_sysid.cli.progress import print_result, progress_of
+from swath_sysid.cli.progress import print_result
 from swath_sysid.cli.sources import columns_of, read_record, without_copies
 from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
@@ -31,10 +30,10 @@ from swath_sysid.report.tables import table_as_csv, table_as_data
 from swath_sysid.tank.campaign.history import Logged, changes_in, entries_of
 from swath_sysid.tank.campaign.proposal import may_be_trial
 from swath_sysid.tank.campaign.trials import RESULT_FORMAT
-from swath_sysid.tank.campaign.work import ResultStore, Task, Work, executor_of, key_of
+from swath_sysid.tank.campaign.work import ResultStore, Task, Work, key_of
+from swath_sysid.tank.cli.kept_work import kept_work, said_to_continue
 from swath_sysid.tank.report.history_report import history_figure, history_sentences, history_table
 
-RESULTS = 'results'
 READ_AT_ONCE = 4  #: Records held for each process.
 ON_CLUSTER = 16  #: Processes that a cluster is taken to have.
 FIRST_DATE = 1e9  #: s since 1970; a stamp before has no date, as of a clock that was not set.
@@ -46,11 +45,8 @@ DATE = re.compile(
 
 def run(arguments: Namespace) -> int:
     """Identify every record, and report what changed."""
-    try:
+    with said_to_continue():
         return _followed(arguments)
-    except KeyboardInterrupt:
-        print('stopped: the same command continues from the finished fits', file=sys.stderr)
-        raise
 
 
 def _followed(arguments: Namespace) -> int:
@@ -58,12 +54,7 @@ def _followed(arguments: Namespace) -> int:
     paths, advice = without_copies([str(each) for given in arguments.records for each in _records_of(Path(given))])
     folder = Path(arguments.output)
     check_outputs([Output('--output', arguments.output, is_folder=True)], paths)
-    store = ResultStore(folder / RESULTS)
-    with (
-        store.locked(),
-        executor_of(arguments.jobs, arguments.scheduler) as executor,
-        progress_of('history') as progress,
-    ):
+    with kept_work('history', folder, arguments) as (store, executor, progress):
         log, left_out = _logged(paths, arguments, store, executor, progress)
     left_out += [f'{each.message}' for each in advice]
     if not log:
