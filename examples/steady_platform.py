@@ -170,8 +170,8 @@ def live(args=None):
     latched = rclpy.qos.QoSProfile(depth=1, durability=rclpy.qos.DurabilityPolicy.TRANSIENT_LOCAL)
     node.create_subscription(JointTrajectory, 'forecast/calm', on_calm, latched)
     node.create_timer(STEP, on_step)
-    print('following forecast/horizon; Ctrl-C ends it', flush=True)
     try:
+        print('following forecast/horizon; Ctrl-C ends it', flush=True)
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

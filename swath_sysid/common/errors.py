@@ -1,6 +1,7 @@
 """The one error that callers show to users instead of a traceback, and the exit codes of commands."""
 
 from collections.abc import Collection
+from pathlib import Path
 
 DONE, PARTLY_DONE, NOTHING_DONE = range(3)  #: Exit codes; the second also of a result that is not what was promised.
 
@@ -32,3 +33,10 @@ def check_choice(name: str, choices: Collection[str], kind: str) -> None:
     """Reject a name that is not among the choices; ``kind``, such as ``'hull'``, says what is named."""
     if name not in choices:
         raise InputError(f"there is no {kind} '{name}': choose from {', '.join(choices)}")
+
+
+def of_file(path: str | Path, sentence: str) -> str:
+    """A sentence that begins with the name of the file it is of, and names it once."""
+    name = Path(path).name
+    short = sentence.replace(str(path), name)
+    return short if short.startswith(name) else f'{name}: {short}'

@@ -19,7 +19,7 @@ from swath_sysid.attitude.motion.attitude import in_degrees
 from swath_sysid.attitude.motion.segmentation import DecaySegment
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.common.advice import counted
-from swath_sysid.common.errors import InputError
+from swath_sysid.common.errors import InputError, of_file
 from swath_sysid.formats.files import write_text
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.formats.registry import ENDINGS
@@ -98,7 +98,7 @@ def new_manifest(
     unplaced = [file for file in files if not set(QUANTITIES) & set(file.said)]
     are_apart = len(_like_periods(unplaced)) > 1
     warnings = [CONTRADICTION.strip(' #')] if are_apart else []
-    warnings += [f'{file.path.name}: {file.remark}' for file in files if file.fault]
+    warnings += [of_file(file.path, file.remark) for file in files if file.fault]
     drafts = sorted({each.value for f in files for each in f.proposed if each.key in QUANTITIES}, key=str)
     if len(drafts) > 1:
         warnings.append(SEVERAL_DRAFTS.format(drafts=', '.join(map(str, drafts))))

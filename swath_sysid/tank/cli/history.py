@@ -18,7 +18,7 @@ from swath_sysid.cli.identify import check_positive
 from swath_sysid.cli.progress import print_result
 from swath_sysid.cli.sources import columns_of, read_record, without_copies
 from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL
-from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
+from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError, of_file
 from swath_sysid.formats.bags import is_bag, opened_bag
 from swath_sysid.formats.files import write_text
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml, read_model
@@ -67,9 +67,12 @@ def _followed(arguments: Namespace) -> int:
         picture = history_figure(entries, found, arguments.axis)
         drawing = Drawing('history', f'Natural period and equivalent damping ratio, {arguments.axis}', picture)
         save_figure(picture, folder / 'history.svg')
-        parts = [*map(paragraph, said), figures([drawing]), table_as_html(table)]
-        parts += [paragraph(f'Left out: {line}', 'left-out') for line in left_out]
-        write_text(folder / 'history.html', page(f'History of {arguments.axis}', [('history', 'History', parts)]))
+        lines = [paragraph(f'Left out: {line}', 'left-out') for line in left_out]
+        sections = [
+            ('changes', 'Changes', [*map(paragraph, said), figures([drawing])]),
+            ('entries', 'Entries', [table_as_html(table), *lines]),
+        ]
+        write_text(folder / 'history.html', page(f'History of {arguments.axis}', sections))
     write_text(folder / 'history.csv', table_as_csv(table))
     report = str(folder / 'history.html')
     data = {'entries': table_as_data(table), 'left_out': left_out, 'report': report}
@@ -115,7 +118,7 @@ def _logged(
             except KeyError:
                 left_out.append(f'{path} has no {arguments.axis} model')
             except InputError as error:
-                left_out.append(f'{Path(path).name}: {error}')
+                left_out.append(of_file(path, str(error)))
         results = work.results(list(tasks.values()))
         for path, task in tasks.items():
             if task.key in results:
