@@ -21,6 +21,8 @@ endif
 unexport AMENT_PREFIX_PATH PYTHONPATH PYTHONHOME RMW_IMPLEMENTATION VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # Nothing is compiled at installation: where bytecode is not kept, each of the many processes compiles all it imports.
 unexport PYTHONDONTWRITEBYTECODE
+# as in the package's own processes: small matrices take twice as long on two threads
+export OMP_NUM_THREADS ?= 1
 
 .PHONY: demo test quick-tests test-long test-release lint kernels bench clean
 

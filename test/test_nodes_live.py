@@ -311,9 +311,13 @@ def test_each_node_runs_by_itself_and_ends_cleanly_whatever_the_signal(tmp_path)
 
 @pytest.mark.parametrize(
     ('node', 'given', 'sentence'),
-    [('imu_buffer', 'window_s:=long', 'window_s'), ('predictor', 'leads_s:=[2.0, 1.0]', 'leads')],
+    [
+        ('imu_buffer', ('-p', 'window_s:=long'), 'window_s'),
+        ('predictor', ('-p', 'leads_s:=[2.0, 1.0]'), 'leads'),
+        ('imu_buffer', ('-r', 'imu:=/1imu'), "ROS rejects '-r imu:=/1imu'"),
+    ],
 )
-def test_a_wrong_parameter_at_the_start_is_one_sentence_and_exit_code_2(node, given, sentence):
-    process = start_node(node, '-p', given)
+def test_a_wrong_argument_at_the_start_is_one_sentence_and_exit_code_2(node, given, sentence):
+    process = start_node(node, *given)
     output, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2 and sentence in output and 'Traceback' not in output
