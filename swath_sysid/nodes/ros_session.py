@@ -43,7 +43,7 @@ def _initialise(args: list[str] | None) -> None:
             raise InputError(f'ROS cannot be started ({reason}): set ROS_LOG_DIR to a writable folder') from error
         if rule := re.search(r"remap rule: '-r (.+?)'\. ", reason):
             raise InputError(
-                f"ROS rejects '-r {rule[1]}': give NAME:=NAME, where a name has letters, digits and underscores between "
-                f'slashes and begins with no digit'
+                f"ROS rejects '-r {rule[1]}': give NAME:=NAME, where a name has letters, digits and underscores "
+                f'between slashes and begins with no digit'
             ) from error
         raise InputError(f'ROS cannot be started with these arguments: {reason}') from error
