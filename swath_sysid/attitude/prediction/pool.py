@@ -365,41 +365,48 @@ def total(weights: np.ndarray, mean: np.ndarray, claim: np.ndarray, worth: np.nd
 def combined(state: PoolState, layout: Layout, ahead: Ahead) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean (L, M), covariance (L, M, M) and deviation before calibration (L, M), as of `Pool.combine`."""
     candidates, leads, targets = ahead.mean.shape
+    axes = state.weights.shape[1]
     mean, own, covariance = np.empty((leads, targets)), np.empty((leads, targets)), np.empty((leads, targets, targets))
-    weights, factor, log = np.empty((targets, candidates)), np.empty(targets), np.empty(candidates)
+    of_axis, scale, factor, log = np.empty((axes, candidates)), np.empty(axes), np.empty(targets), np.empty(candidates)
+    # square roots, each taken once: pairs of targets need their products
+    weight, worth = np.empty((targets, candidates)), np.empty((targets, candidates))
     for lead in range(leads):
         place, of_row = layout.place_of_lead[lead], layout.of_row[lead]
-        for target in range(targets):
-            axis = ahead.axis_of[target]
-            of_target, at = weights[target], (place, axis)
+        for axis in range(axes):
             claim = np.ascontiguousarray(ahead.covariance[:, lead, axis, axis])
             angles = np.ascontiguousarray(ahead.mean[:, lead, axis])
-            weigh(state, layout, at, angles, claim, ahead.noise[axis], log, of_target)
-            scale = math.exp(state.factor[place, axis]) * max(state.recent[place, axis], 1.0)
+            weigh(state, layout, (place, axis), angles, claim, ahead.noise[axis], log, of_axis[axis])
+            scale[axis] = math.exp(state.factor[place, axis]) * max(state.recent[place, axis], 1.0)
             if of_row < 1.0:
-                scale = scale**of_row
+                scale[axis] **= of_row
                 for candidate in range(candidates):
-                    of_target[candidate] *= of_row
-                for candidate in range(layout.at_once):
-                    if math.isfinite(ahead.mean[candidate, lead, axis]):
-                        of_target[candidate] += 1.0 - of_row
+                    of_axis[axis, candidate] *= of_row
+                    if candidate < layout.at_once and math.isfinite(angles[candidate]):
+                        of_axis[axis, candidate] += 1.0 - of_row
+        for target in range(targets):
+            axis = ahead.axis_of[target]
             whole, centre, claimed = 0.0, 0.0, 0.0
             for candidate in range(candidates):
-                if not math.isfinite(ahead.mean[candidate, lead, target]):
-                    of_target[candidate] = 0.0
-                whole += of_target[candidate]
+                if math.isfinite(ahead.mean[candidate, lead, target]):
+                    whole += of_axis[axis, candidate]
             for candidate in range(candidates):
-                of_target[candidate] /= max(whole, _TINY)
-                if of_target[candidate] > 0.0:
-                    centre += of_target[candidate] * ahead.mean[candidate, lead, target]
-                    claimed += of_target[candidate] * ahead.covariance[candidate, lead, target, target]
+                weight[target, candidate] = worth[target, candidate] = 0.0
+                if math.isfinite(ahead.mean[candidate, lead, target]) and of_axis[axis, candidate] > 0.0:
+                    own_weight = of_axis[axis, candidate] / max(whole, _TINY)
+                    centre += own_weight * ahead.mean[candidate, lead, target]
+                    claimed += own_weight * ahead.covariance[candidate, lead, target, target]
+                    weight[target, candidate] = math.sqrt(own_weight)
+                    worth[target, candidate] = math.sqrt(worth_of_row(state.worth[place, axis, candidate], of_row))
             mean[lead, target] = centre if whole > 0.0 else math.nan
             own[lead, target] = math.sqrt(claimed + ahead.noise[target]) if whole > 0.0 else math.nan
-            variance = shared(state, ahead, (lead, target, target), (place, of_row), weights, mean[lead])
-            factor[target] = math.sqrt(max(scale * variance, ahead.least[target]) / variance)
+            for other in range(target + 1):
+                both = shared(ahead, (lead, target, other), weight, worth, mean[lead])
+                covariance[lead, target, other] = both
+            variance = covariance[lead, target, target]
+            factor[target] = math.sqrt(max(scale[axis] * variance, ahead.least[target]) / variance)
         for one in range(targets):
             for other in range(one + 1):
-                both = shared(state, ahead, (lead, one, other), (place, of_row), weights, mean[lead])
+                both = covariance[lead, one, other]
                 if both != both and factor[one] == factor[one] and factor[other] == factor[other]:
                     both = 0.0  # targets that no candidate forecasts together are independent
                 covariance[lead, one, other] = covariance[lead, other, one] = both * factor[one] * factor[other]
@@ -407,32 +414,22 @@ def combined(state: PoolState, layout: Layout, ahead: Ahead) -> tuple[np.ndarray
 
 
 @accelerated
-def shared(
-    state: PoolState,
-    ahead: Ahead,
-    of: tuple[int, int, int],
-    at: tuple[int, float],
-    weights: np.ndarray,
-    mean: np.ndarray,
-) -> float:
-    """Covariance, at a lead, of two targets (of weights (M, E) and means (M,)) by the law of total covariance.
-
-    NaN where no candidate forecasts both.
+def shared(ahead: Ahead, of: tuple[int, int, int], weight: np.ndarray, worth: np.ndarray, mean: np.ndarray) -> float:
+    """Covariance, at a lead, of two targets of means (M,) by the law of total covariance; NaN where no candidate
+    forecasts both. ``weight`` and ``worth`` (M, E) are square roots.
     """
-    (lead, one, other), (place, of_row) = of, at
+    lead, one, other = of
     both, is_there = 0.0, False
     for candidate in range(len(ahead.mean)):
-        pair = math.sqrt(weights[one, candidate] * weights[other, candidate])
+        pair = weight[one, candidate] * weight[other, candidate]
         if pair > 0.0:
             is_there = True
             apart = ahead.mean[candidate, lead, one] - mean[one]
             apart *= ahead.mean[candidate, lead, other] - mean[other]
-            worth = worth_of_row(state.worth[place, ahead.axis_of[one], candidate], of_row)
-            worth *= worth_of_row(state.worth[place, ahead.axis_of[other], candidate], of_row)
             spread = ahead.covariance[candidate, lead, one, other]
             if one == other:
                 spread = max(spread, _LEAST_VARIANCE)
-            both += pair * (math.sqrt(worth) * spread + apart)
+            both += pair * (worth[one, candidate] * worth[other, candidate] * spread + apart)
     return both if is_there else math.nan
 
 
