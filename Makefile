@@ -38,7 +38,7 @@ quick-tests: kernels
 
 # the longest files first: begun last, they would be waited for
 test-long: $(TESTS_READY)
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m long test/test_docs_*.py test/test_wings.py \
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 30 -m 'long and not release' test/test_docs_*.py test/test_wings.py \
 	  $$(grep -rl --include='test_*.py' mark.long test | sort)
 
 # what is measured over many draws, before a release

@@ -69,7 +69,10 @@ NOT_RUN = {
     'docs/tutorials/manoeuvring.md': {'bash examples/': 'takes a minute; the page runs what it calls, one by one'},
 }
 #: by page, words that let a command run through less of the sea than its reader's does
-SHORTER = {'docs/howto/upstream.md': {'--duration 900': '--duration 240', '--warmup 600': '--warmup 120'}}
+SHORTER = {
+    'docs/howto/controllers.md': {'--duration 120': '--duration 60'},
+    'docs/howto/upstream.md': {'--duration 900': '--duration 240', '--warmup 600': '--warmup 120'},
+}
 PIPES = {'stdout': subprocess.PIPE, 'stderr': subprocess.STDOUT, 'text': True}
 LANGUAGES = {'bash', 'text', 'yaml', 'python', 'ini', 'nginx'}  # the last two for systemd and nginx
 NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')

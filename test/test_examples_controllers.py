@@ -85,7 +85,7 @@ def test_the_platform_answers_after_its_delay_at_its_speed_and_falls_back_withou
 
 
 @pytest.mark.long
-@pytest.mark.parametrize('seed', [101, 102])
+@pytest.mark.parametrize('seed', [101, pytest.param(102, marks=pytest.mark.release)])
 def test_the_platform_is_steadier_with_the_forecast_and_no_worse_while_the_sensor_is_frozen(seed):
     steady = importlib.import_module('steady_platform')
     found = steady.errors(seed, None, 150.0, 80.0)

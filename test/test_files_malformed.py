@@ -190,7 +190,7 @@ def is_true(name, path):
     return whole and np.count_nonzero(differing) <= changed
 
 
-@pytest.mark.parametrize('first', [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2, 3))])
+@pytest.mark.parametrize('first', [0, *(pytest.param(k, marks=pytest.mark.release) for k in (1, 2, 3))])
 def test_each_is_refused_warned_of_or_right(first, malformed, capsys):
     assert len(malformed) >= 180
     outcomes, silent = {'refused': 0, 'warned': 0, 'right': 0}, []

@@ -133,7 +133,7 @@ def test_what_is_told_of_a_linear_hull(found):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize('faster, larger', [(10.0, -1.0), (0.2, 0.01)])
+@pytest.mark.parametrize('faster, larger', [(10.0, -1.0), pytest.param(0.2, 0.01, marks=pytest.mark.release)])
 def test_units_of_time_and_angle_do_not_matter(linear_motion, found, faster, larger):
     motion = larger * linear_motion.angle, larger * faster * linear_motion.rate
     other = identify_at_sea(AxisMotion('roll', linear_motion.time / faster, *motion))
@@ -412,7 +412,12 @@ def watched(model, *motions):
 
 @pytest.mark.parametrize(
     'slower, damped',
-    [(1.0, 1.0), (1.13, 1.0), *(pytest.param(*each, marks=pytest.mark.long) for each in ((0.87, 1.0), (1.0, 2.0)))],
+    [
+        (1.0, 1.0),
+        (1.13, 1.0),
+        pytest.param(0.87, 1.0, marks=pytest.mark.release),
+        pytest.param(1.0, 2.0, marks=pytest.mark.long),
+    ],
 )
 def test_a_changed_hull_is_told_and_no_other(turned, slower, damped):
     motion, (period, damping) = measured(turned[0]), equivalent(turned[0])

@@ -214,7 +214,9 @@ def fit(made, equation):
     return identify([motion_of(made)], IdentificationSettings(equation))
 
 
-OTHERS = [pytest.param(h, marks=pytest.mark.long) for h in ('swath-usv-pitch 9', 'swath-pitch 9', 'hydrofoil-pitch 5')]
+OTHERS = [
+    pytest.param(h, marks=pytest.mark.release) for h in ('swath-usv-pitch 9', 'swath-pitch 9', 'hydrofoil-pitch 5')
+]
 
 
 @pytest.mark.long

@@ -141,7 +141,7 @@ def test_every_search_and_seed_ends_in_the_same_minimum(search, plain):
     [
         ('angle', 0.04, 1.0),
         ('rate', 0.0, 1.0),
-        *(pytest.param(*case, marks=pytest.mark.long) for case in (('rate', 0.04, 0.1), ('angle', 0.01, 0.1))),
+        *(pytest.param(*case, marks=pytest.mark.release) for case in (('rate', 0.04, 0.1), ('angle', 0.01, 0.1))),
     ],
 )
 def test_a_channel_that_comes_late_is_moved_and_told_of(late, share, scale, tmp_path, capsys):
@@ -162,7 +162,7 @@ def test_a_channel_that_comes_late_is_moved_and_told_of(late, share, scale, tmp_
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(('scale', 'sign'), [(0.1, -1.0), (10.0, 1.0)])
+@pytest.mark.parametrize(('scale', 'sign'), [(0.1, -1.0), pytest.param(10.0, 1.0, marks=pytest.mark.release)])
 def test_an_angle_that_a_first_order_filter_delays_is_unfiltered(scale, sign):
     hull = DecayModel.of(b1=0.3 / scale, b2=1.0, r1=9.0 / scale**2, axis='roll')
     noise = SensorNoise(5e-4, 5e-4 / scale)
@@ -727,7 +727,7 @@ def test_a_period_that_is_none_is_rejected(found, r1, code):
     [
         ('bump', 11),
         *(
-            pytest.param(*case, marks=pytest.mark.long)
+            pytest.param(*case, marks=pytest.mark.release)
             for case in (('trim_shift', 1), ('wake', 6), ('bump', 0), ('trim_shift', 3))
         ),
     ],

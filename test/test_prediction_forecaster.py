@@ -178,7 +178,7 @@ def counted(time, stamps):
     return {reason: count for reason, count in pipeline.counts.items() if count}
 
 
-@pytest.mark.parametrize('rate', [10.0, pytest.param(50.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize('rate', [10.0, pytest.param(50.0, marks=pytest.mark.release)])
 def test_what_is_lost_is_counted_exactly(rate):
     """One in twenty at random, of a clock whose stamps jitter by a twentieth of an interval."""
     time = clock(rate, 2000.0 / rate)
@@ -192,7 +192,7 @@ def test_what_is_lost_is_counted_exactly(rate):
         assert counts.get('lost-sample') == is_lost.sum()
 
 
-@pytest.mark.parametrize('rate', [pytest.param(10.0, marks=pytest.mark.long), 50.0])
+@pytest.mark.parametrize('rate', [pytest.param(10.0, marks=pytest.mark.release), 50.0])
 def test_a_swapped_neighbour_comes_late_and_is_not_lost(rate):
     """Of a fifth of the samples."""
     time = clock(rate, 2000.0 / rate)
@@ -211,7 +211,7 @@ def test_a_stamp_that_is_late_by_most_of_an_interval_is_none_lost():
 
 
 @pytest.mark.parametrize(
-    'shift', [0.5, -1000.0, *(pytest.param(shift, marks=pytest.mark.long) for shift in (5.0, 31536000.0))]
+    'shift', [0.5, -1000.0, *(pytest.param(shift, marks=pytest.mark.release) for shift in (5.0, 31536000.0))]
 )
 def test_a_motion_that_goes_on_while_its_clock_is_set_is_forecast_as_before(run_on, steady, shift):
     steps = run_on(SEA.samples(TIME, EPOCH + TIME + np.where(TIME < 60.0, 0.0, shift)))
@@ -223,7 +223,7 @@ def test_a_motion_that_goes_on_while_its_clock_is_set_is_forecast_as_before(run_
     assert (after[1:] < 1.2 * without[1:]).all(), after / without
 
 
-@pytest.mark.parametrize('shift', [pytest.param(-0.3, marks=pytest.mark.long), -0.5])
+@pytest.mark.parametrize('shift', [pytest.param(-0.3, marks=pytest.mark.release), -0.5])
 def test_a_clock_that_is_set_back_by_a_few_intervals_is_followed(run_on, steady, shift):
     """The stamps may overlap so that the messages look late until one is in order again."""
     steps = run_on(SEA.samples(TIME, EPOCH + TIME + np.where(TIME < 60.0, 0.0, shift)))
@@ -264,7 +264,7 @@ def test_diagnostics_say_so_until_the_waves_are_learnt():
     np.testing.assert_allclose(np.nansum(diagnostics.weights, axis=0), 1.0, atol=1e-9)
 
 
-@pytest.mark.parametrize(('rate', 'slower'), [(100.0, 1.0), pytest.param(10.0, 10.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize(('rate', 'slower'), [(100.0, 1.0), pytest.param(10.0, 10.0, marks=pytest.mark.release)])
 def test_nothing_is_learnt_of_waves_from_a_craft_that_is_leaned_over_and_held(rate, slower):
     """It has hardly moved: a state space fitted to that holds its angle for the level."""
     rng, time = np.random.default_rng(4), np.arange(0.0, 12.0 * slower, 1.0 / rate)
@@ -316,7 +316,7 @@ def test_a_fit_within_its_delay_changes_nothing_and_a_late_one_is_used_from_then
     assert (error(late, time, 30.0, 45.0) < 1.5 * error(on_time, time, 30.0, 45.0) + 1e-3).all()
 
 
-@pytest.mark.parametrize('rates', [pytest.param((10.0, 100.0), marks=pytest.mark.long), (50.0, 10.0)])
+@pytest.mark.parametrize('rates', [pytest.param((10.0, 100.0), marks=pytest.mark.release), (50.0, 10.0)])
 def test_a_sensor_that_changes_its_rate_is_followed(rates):
     time = np.concatenate([clock(rates[0], 20.0), 20.0 + clock(rates[1], 40.0)])
     pipeline, steps = run(SEA.samples(time))
@@ -430,7 +430,7 @@ class LetGo(Sea):
         return np.array([roll, 0.0 * roll])
 
 
-@pytest.mark.parametrize('slower', [0.5, pytest.param(3.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize('slower', [0.5, pytest.param(3.0, marks=pytest.mark.release)])
 def test_before_two_cycles_have_been_seen_the_level_may_be_any_of_them(slower):
     """Half a period after a craft was let go it is as far on the other side."""
     held, periods = [], np.array([0.25, 0.5, 1.0])
@@ -447,7 +447,9 @@ def test_before_two_cycles_have_been_seen_the_level_may_be_any_of_them(slower):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(('name', 'rate_noise'), [('swath-pitch', 0.0164), ('swath-roll', 0.0050)])
+@pytest.mark.parametrize(
+    ('name', 'rate_noise'), [('swath-pitch', 0.0164), pytest.param('swath-roll', 0.0050, marks=pytest.mark.release)]
+)
 def test_a_released_hull_is_forecast_one_period_ahead_at_its_first_release_too(name, rate_noise):
     """With the noise of the rate, rad/s, that each study shows."""
     model = hull_named(name).model
@@ -483,7 +485,9 @@ def test_a_fit_that_arrives_makes_no_forecast_less_sure(run_on_at_100_hz):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize('silent', [1.004, 10.006, 60.003])
+@pytest.mark.parametrize(
+    'silent', [10.006, *(pytest.param(each, marks=pytest.mark.release) for each in (1.004, 60.003))]
+)
 def test_the_first_forecasts_after_a_silence_are_as_sure_as_they_are_right(run_on_at_100_hz, silent):
     """From four starts in one sea, and at another phase of the sensor than before."""
     errors, deviations, after, without = [], [], [], []

@@ -206,7 +206,7 @@ def test_while_the_angle_is_measured_it_tells_the_rates_bias(bias):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize('freezes', [False, True])
+@pytest.mark.parametrize('freezes', [pytest.param(False, marks=pytest.mark.release), True])
 def test_on_a_known_hull_angles_that_are_lost_or_freeze_are_forecast_by_the_rates(sea, of_complete_sensor, freezes):
     time, noise = sea.time - sea.time[0], np.random.default_rng(2).normal(scale=5e-4, size=sea.time.size)
     angle = sea.angle[:, 0] + noise
