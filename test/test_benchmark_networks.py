@@ -43,6 +43,7 @@ runpy.run_path('benchmark/networks.py', run_name='__main__')
     assert done.stderr == 'The networks need torch: pip install swath_sysid[benchmark-networks]\n'
 
 
+@pytest.mark.long
 def test_samples_are_those_of_a_plain_loop(networks, swinging):
     """Inputs end with the sample of the stamp; targets are the angles one lead later."""
     past, channels, axes = 20, ['roll_rate', 'roll', 'pitch'], ['roll', 'pitch']

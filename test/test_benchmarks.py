@@ -103,6 +103,7 @@ def test_other_sections_of_the_page_stay(records):
     assert records.page_with({}, written) == written
 
 
+@pytest.mark.long
 def test_a_buoy_that_turned_meets_the_sea_from_the_side(record_forecasts, data_folder):
     straight, turned = record_forecasts.buoy(), record_forecasts.buoy_that_turned()
     later, was = (trial.time >= record_forecasts.SPLICE for trial in (turned, straight))
@@ -122,6 +123,7 @@ def test_the_shaping_filter_has_the_spectrum_of_the_excitation(sea_forecasts):
     assert again == pytest.approx(covariance[[1, 10, 40]], abs=1e-5 * covariance[0])
 
 
+@pytest.mark.long
 def test_the_best_linear_forecast_errs_like_the_regression_on_what_is_scored(sea_forecasts, monkeypatch):
     monkeypatch.setattr(sea_forecasts, 'LINEAR_PAST', 10)
     sea, leads = sea_forecasts.make_sea(3, 300.0, kind='narrow'), (0.3, 1.0)

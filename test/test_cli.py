@@ -56,6 +56,7 @@ def last_line(text):
     return text.strip().splitlines()[-1]
 
 
+@pytest.mark.long
 def test_identify_prints_one_json_object(trial_file, capsys):
     words = '--axis pitch --equation swath-pitch-2 --mass 3 --metacentric-height 0.03 --json'
     assert main(['identify', str(trial_file), *words.split()]) == 0
@@ -73,6 +74,7 @@ def test_identify_prints_one_json_object(trial_file, capsys):
     assert all(set(w) == {'code', 'message'} for w in found['warnings'])
 
 
+@pytest.mark.long
 def test_identify_writes_model_and_picture_and_says_the_published_form(trial_file, tmp_path, capsys):
     model, picture = tmp_path / 'model.yaml', tmp_path / 'fit.png'
     command = ['identify', str(trial_file), '--equation', 'swath-pitch-2', '--inertia', '0.09']
@@ -249,6 +251,7 @@ def test_a_forecast_of_slow_samples_says_which_leads_were_not_measured(tmp_path,
     assert 'cannot be -1: give 0.01 to 120 s' in last_line(capsys.readouterr().err)
 
 
+@pytest.mark.long
 def test_a_verb_ends_in_its_conclusion_which_quiet_leaves_and_reads_standard_input(capsys, monkeypatch):
     record = share_folder() / 'records' / 'kvlcc2_roll_decay.csv'
     monkeypatch.setattr('sys.stdin', SimpleNamespace(buffer=io.BytesIO(record.read_bytes())))

@@ -159,6 +159,7 @@ def outcome(path, export):
     return 'read'
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('examples', [12, pytest.param(2000, marks=pytest.mark.release)])
 def test_what_a_random_exporter_writes_is_read_back_or_refused_for_its_cause(tmp_path, examples):
     outcomes, refusals = Counter(), Counter()

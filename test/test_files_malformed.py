@@ -190,6 +190,7 @@ def is_true(name, path):
     return whole and np.count_nonzero(differing) <= changed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('first', [0, *(pytest.param(k, marks=pytest.mark.release) for k in (1, 2, 3))])
 def test_each_is_refused_warned_of_or_right(first, malformed, capsys):
     assert len(malformed) >= 180

@@ -155,6 +155,7 @@ def test_a_truncated_file_is_one_sentence(tmp_path, name, capsys):
         assert said.count('\n') == 1 and str(path) in said and 'Traceback' not in said
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     kind=st.sampled_from(['5.mat', '73.mat', 'a.tdms', 'a.xlsx', 'a.parquet']),

@@ -176,6 +176,7 @@ def test_heave_tells_two_seas_apart():
     assert still.sea == 'jonswap'
 
 
+@pytest.mark.long
 def test_a_record_that_will_not_do_is_refused_in_one_sentence(linear_motion):
     time = linear_motion.time
     regular = 0.06 * np.sin(0.9 * time) + 0.06 * np.sin(1.02 * time + 1.0)
@@ -410,6 +411,7 @@ def watched(model, *motions):
     return watch
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     'slower, damped',
     [

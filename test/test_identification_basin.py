@@ -168,6 +168,7 @@ def test_gradient_is_that_of_finite_differences(bench):
     assert likelihood.minimise([likelihood.start(wild.ratios, 0.003)]) == []
 
 
+@pytest.mark.long
 def test_a_basin_may_move_as_much_as_the_craft(bench):
     """Waves of a tenth of the release need that of a hull whose damping is strong."""
     made = bench.made_trial('hydrofoil-pitch 3', bench.SCENES['waves-0.3'], 10)
@@ -234,6 +235,7 @@ def test_intervals_hold_in_waves_at_resonance(bench, hull):
     assert np.mean(held) >= 0.8
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_optima_that_the_record_cannot_tell_apart_are_averaged(bench):
     """The likelier of two has r1 of 4 +- 2.5 1/s^2, the truth is 33."""
@@ -253,6 +255,7 @@ def test_releases_are_found_to_30_ms(bench, scene, hull):
         assert 0.8 < decay.period < 1.3
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ('hull', 'names'), [('swath-pitch 6', ('r2',)), pytest.param('swath-roll 15', ('b3', 'r2'), marks=pytest.mark.long)]

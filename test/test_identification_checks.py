@@ -69,6 +69,7 @@ def test_next_step_is_the_papers_formula():
     assert found.error[k] == pytest.approx(expected - motion.rate[k + 1])
 
 
+@pytest.mark.long
 def test_simulation_and_forecasts_against_another_integrator():
     motion, period = released(9, noise=QUIET), HULL.natural_period
     (found,) = forecast_errors(SOFTER, motion, period, leads=(0.5,))
@@ -102,6 +103,7 @@ def test_measured_states_use_the_past_alone():
     assert measured_states(motion, 0.1)[2] == 0
 
 
+@pytest.mark.long
 def test_a_fit_is_kept_as_plain_data_and_one_worse_than_what_it_contains_is_refined():
     problem = prepare([released(6)])
     each = [IdentificationSettings(equation=name) for name in ('linear', 'swath-pitch-2')]

@@ -126,6 +126,7 @@ def test_one_step_objective_is_told_to_be_biased():
     assert found.search.value == pytest.approx(found.objective_value, rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     'search', [{'algorithm': 'pso'}, pytest.param({'algorithm': 'ga', 'seed': 8}, marks=pytest.mark.long)]
@@ -136,6 +137,7 @@ def test_every_search_and_seed_ends_in_the_same_minimum(search, plain):
     assert other.model.ratios == pytest.approx(plain.model.ratios, rel=1e-3, abs=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ('late', 'share', 'scale'),
     [
@@ -175,6 +177,7 @@ def test_an_angle_that_a_first_order_filter_delays_is_unfiltered(scale, sign):
     assert found.damping_ratio == pytest.approx(identify([motion]).damping_ratio, rel=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ('equation', 'band', 'off'),
     [('auto', 2.0, 0.005), *(pytest.param(*each, marks=pytest.mark.long) for each in SMOOTHED)],
@@ -217,6 +220,7 @@ def test_one_channel_is_enough(channel):
     assert (found.rmse is None) == (channel == 'rate')
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_joint_fit_shares_ratios_and_keeps_trims_apart(plain):
     motions = [decay(seed, HULL.with_trim(trim)) for seed, trim in ((1, 0.01), (2, -0.02), (3, 0.0))]
@@ -285,6 +289,7 @@ def test_comparison_chooses_the_simplest_adequate_equation():
     )
 
 
+@pytest.mark.long
 def test_held_out_motion_judges_only_what_was_not_fitted():
     problem = prepare([decay(noise=SensorNoise(1e-4, 1e-3))])
     half = first_part(problem)
@@ -409,6 +414,7 @@ def test_terms_that_are_not_there_go_and_the_others_stay():
     assert [n for n, kept in zip(GENERAL_HULL.terms, pruned.kept, strict=True) if kept] == ['b1', 'b3', 'r1', 'r2']
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', ['swath-roll', pytest.param('hydrofoil-pitch', marks=pytest.mark.long)])
 def test_the_next_release_of_a_published_hull_is_reproduced(name):
     hull = PUBLISHED_HULLS[name]
@@ -467,6 +473,7 @@ def test_published_equations_alike():
 TRUE = simulated_trial(hull_named('swath-pitch').model, np.radians(6.0), 15.0, 50.0, SensorNoise(), 1, 1.0)
 
 
+@pytest.mark.long
 def test_a_softening_hull_that_accelerates_little_at_first_was_released():
     at = np.radians(20.0)
     hull = DecayModel.of(b1=0.25, r1=9.87, r3=-9.87 * 0.75 / at**2, axis='roll')
@@ -722,6 +729,7 @@ def test_a_period_that_is_none_is_rejected(found, r1, code):
     assert all(value is None or value == value for value in verdict.metrics.values())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ('kind', 'seed'),
     [
@@ -753,6 +761,7 @@ def test_a_period_of_minutes_is_a_time_in_another_unit(tmp_path, capsys):
     assert 'time_samples' in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_identical_files_count_once(tmp_path, capsys):
     for name in ('a.csv', 'b.csv'):
         write_csv(tmp_path / name, TRUE)

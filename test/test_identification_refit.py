@@ -108,6 +108,7 @@ def test_the_same_decay_in_another_window_counts_once(table, first):
     assert refitter.take(first) and refitter.models and not refitter.decays
 
 
+@pytest.mark.long
 def test_a_longer_view_takes_the_place_of_the_shorter_and_its_tail_is_no_release_of_its_own(table, first):
     since = table.rows[:, 0] - table.rows[0, 0]
     short, tail = (replace(table, rows=table.rows[chosen]) for chosen in (since < 14.0, since > 14.5))
@@ -144,6 +145,7 @@ def test_releases_of_one_craft_do_not_contradict_each_other():
     assert len(refitter.decays['pitch'].decays) == 2 and refitter.version == 2, outcome.message
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('change', [{'period': 2.65}, pytest.param({'damping': 0.1}, marks=pytest.mark.long)])
 def test_a_changed_craft_starts_anew_and_rollback_leads_back(twice, change):
     refitter, _ = copy.deepcopy(twice)

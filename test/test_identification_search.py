@@ -251,6 +251,7 @@ def test_sandwich_covariance_of_a_regression_with_coloured_noise():
     assert white.effective_samples == pytest.approx(1500, rel=0.3)
 
 
+@pytest.mark.long
 def test_sandwich_covariance_of_noise_that_the_fit_absorbs():
     rng = np.random.default_rng(4)
     t = np.arange(1500)

@@ -30,6 +30,7 @@ def strangers_of(module, *rooms):
     return {name for name in loaded if f'{name}.'.startswith(beginnings)}
 
 
+@pytest.mark.long
 def test_verbs_begin_without_what_they_may_not_need_and_a_fit_without_wings():
     verbs = ('identify', 'compare', 'inspect', 'simulate', 'run', 'record', 'replay')
     assert loaded_by(', '.join(f'swath_sysid.cli.{verb}' for verb in verbs)) & HEAVY == set()
@@ -103,6 +104,7 @@ def found(environment, *paths):
     return json.loads(done.stdout)
 
 
+@pytest.mark.long
 def test_numba_that_cannot_be_loaded_or_is_not_wanted_is_named_and_done_without(tmp_path):
     early, usable, disabled, plain = found({'NUMBA_DISABLE_JIT': '1'})
     assert not early and not usable

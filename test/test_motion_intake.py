@@ -415,6 +415,7 @@ def test_a_decay_that_has_ended_is_told_once(rate, axis, damping, near):
     assert decay.table.rows[-1, 0] - EPOCH_NS * 1e-9 == pytest.approx(when, abs=1.5 / rate)
 
 
+@pytest.mark.long
 def test_every_one_of_several_decays_is_told_and_none_once_that_is_off():
     streams = [decay_stream(50.0, 40.0, 10.0, seed=n, first_ns=EPOCH_NS + n * 40 * 10**9) for n in range(4)]
     window, steps = window_of(one for stream in streams[:2] for one in stream)

@@ -136,6 +136,7 @@ def test_released_after_being_held(seed, damping_ratio):
     assert decay.advice == ()
 
 
+@pytest.mark.long
 def test_a_release_is_timed_although_the_hand_wobbles(benchmark_module):
     made, off, intervals = benchmark_module('decays'), [], []
     for hull, angle_deg, seed in product(made.HULLS, (2.0, 4.0, 8.0), range(3)):
@@ -384,6 +385,7 @@ def test_spoilt_records(spoil):
     assert decay.end > 25.0
 
 
+@pytest.mark.long
 def test_no_decay_in_the_sea_nor_in_regular_waves_nor_where_waves_set_in_after_rest():
     for seed in range(30):
         motion = sea(seed)
@@ -550,6 +552,7 @@ def test_a_decay_is_finished_once_and_stays_where_it_is():
     assert max(starts) - min(starts) < 0.05
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(
     st.integers(0, 2**32 - 1),

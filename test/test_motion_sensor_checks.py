@@ -140,6 +140,7 @@ def test_each_is_named_on_a_measured_buoy_within_a_minute(name, start):
     assert_named(name, 'frd', [part[start : start + 600] for part in buoy(RECORDS / 'morro_buoy.csv')])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('record', ['waves/morro_buoy.csv', 'faults/oahu_static_bad_packets.csv'])
 def test_nothing_is_named_of_a_running_sensor_that_sits_right(data_folder, record):
     found, check = named_by(readings_of(*buoy(data_folder / record)), Installation('frd'))
@@ -147,6 +148,7 @@ def test_nothing_is_named_of_a_running_sensor_that_sits_right(data_folder, recor
     assert check.judgements > 300
 
 
+@pytest.mark.long
 def test_nothing_is_named_of_any_measured_record(data_folder):
     paths = sorted(data_folder.rglob('*.csv'))
     assert len(paths) == 14
@@ -156,6 +158,7 @@ def test_nothing_is_named_of_any_measured_record(data_folder):
         assert 'other-unit-likely' not in {each.code for each in trial.advice}, path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('first', [0, *(pytest.param(k, marks=pytest.mark.long) for k in range(10, 60, 10))])
 def test_nothing_is_named_of_sound_sensors_whatever_they_leave_out(first, benchmark_module):
     sensor_records = benchmark_module('sensor_checks')
@@ -257,6 +260,7 @@ def rolling(seed, duration=30.0, delay=0.0):
     return angles[:, :2], rates
 
 
+@pytest.mark.long
 @given(st.integers(0, 10_000), st.floats(-0.5, 0.5))
 def test_a_delay_is_found_with_its_sign(seed, delay):
     found = compare_rates(STEP, *rolling(seed, delay=delay))
@@ -265,6 +269,7 @@ def test_a_delay_is_found_with_its_sign(seed, delay):
     assert all(slope.lagged > 0.99 and slope.gain == pytest.approx(1.0, abs=0.1) for slope in found)
 
 
+@pytest.mark.long
 @given(st.integers(0, 10_000), st.floats(0.01, 100.0), st.floats(-2.0, 2.0))
 def test_a_gain_is_found_whatever_the_offset(seed, gain, offset):
     angles, rates = rolling(seed)
@@ -272,6 +277,7 @@ def test_a_gain_is_found_whatever_the_offset(seed, gain, offset):
     assert [slope.gain for slope in found] == pytest.approx([gain] * 2, rel=0.02)
 
 
+@pytest.mark.long
 def test_the_standard_deviation_of_a_delay_is_that_of_repeats():
     lags, told = [], []
     for seed in range(200):

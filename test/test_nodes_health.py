@@ -229,6 +229,7 @@ def test_a_frame_id_that_changes_is_counted_and_warned_of():
     )
 
 
+@pytest.mark.long
 def test_a_wrong_installation_is_a_warning_within_20_s_and_stays_one():
     pipeline = ForecastPipeline()
     health, levels = PredictorHealth('imu/data', pipeline), []

@@ -119,6 +119,7 @@ def test_topics_are_published_and_subscribed_to_as_agreed(craft):
         assert info.qos_profile.durability == DurabilityPolicy.VOLATILE
 
 
+@pytest.mark.long
 def test_before_a_model_it_says_so_and_forecasts(craft):
     craft.rest()
     craft.bench.wait_for_forecast_after(craft.stamp)
@@ -132,6 +133,7 @@ def test_before_a_model_it_says_so_and_forecasts(craft):
     assert not answer.success and 'hardly moves' in answer.message
 
 
+@pytest.mark.long
 def test_a_decay_is_noticed_identified_and_forecast_unasked(identified):
     bench = identified.bench
     table = window_table(bench.heard['motion/window'][-1])
@@ -150,6 +152,7 @@ def test_a_decay_is_noticed_identified_and_forecast_unasked(identified):
     assert shares and shares[-1] == 1.0
 
 
+@pytest.mark.long
 def test_a_changed_craft_is_followed_and_rollback_leads_back(identified):
     def period_in(path):
         return read_model(path)['pitch'].model.natural_period
@@ -251,6 +254,7 @@ def test_parameters_are_described_and_checked_on_change(craft):
     assert craft.bench.set_parameters('imu_buffer', window_s=90.0) == []
 
 
+@pytest.mark.long
 def test_names_are_relative_and_time_may_be_simulated(craft):
     """In a namespace, with another topic, on simulated time that is set back; the model file stays."""
     text = craft.model_path.read_text()

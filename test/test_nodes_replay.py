@@ -162,6 +162,7 @@ def test_a_recording_in_a_namespace_holds_what_was_replayed_there(bag, tmp_path,
         assert list(numbers_on(copy, f'/boat{topic}').items()) == list(numbers_on(whole, topic).items())
 
 
+@pytest.mark.long
 def test_replay_leaves_out_what_the_nodes_publish_unless_asked(bag, tmp_path, capfd):
     whole = tmp_path / 'whole.mcap'
     assert main(['play-through', str(bag), '--output', str(whole), '--with-imu']) == 0
@@ -235,6 +236,7 @@ def test_a_killed_recording_can_be_read(bag, tmp_path):
     assert {advice.code for advice in record.advice} == {'damaged-bag'}
 
 
+@pytest.mark.long
 def test_replay_waits_for_its_listeners_tells_the_time_keeps_the_pace_and_loops(bag, bench):
     stamps, arrivals, clocks = [], [], []
 

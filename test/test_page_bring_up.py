@@ -22,6 +22,7 @@ def identified():
     return tank
 
 
+@pytest.mark.long
 def test_the_steps_come_in_their_order_and_the_bands_hold_the_truth(identified):
     steps = list(dict.fromkeys(guidance.step for guidance in identified.guidances))
     assert steps == [SENSOR, REST, PUSH, DECAY, JUDGE] or steps == [SENSOR, REST, PUSH, DECAY, IDENTIFY, JUDGE]
@@ -164,6 +165,7 @@ def test_a_simulated_craft_is_released_by_the_page_and_after_a_fault_the_next_pu
     assert tank.guidances[-1].step == JUDGE and tank.guidances[-1].fault != 'other-axis'
 
 
+@pytest.mark.long
 def test_a_heavily_damped_craft_is_found_once_it_has_rested_as_long_as_it_was_held():
     tank = TankSide()
     tank.send(REST_S)
@@ -172,6 +174,7 @@ def test_a_heavily_damped_craft_is_found_once_it_has_rested_as_long_as_it_was_he
     assert 'damping ratio 0.9' in tank.guidances[-1].sentence
 
 
+@pytest.mark.long
 def test_a_push_below_what_the_buffer_reports_is_asked_for_again():
     tank = TankSide()
     tank.send(REST_S)

@@ -148,6 +148,7 @@ def test_a_namesake_of_the_predictor_is_reported(page, found):
     assert SENTENCE in said and SENTENCE in page.health()['predictor']
 
 
+@pytest.mark.long
 @pytest.mark.dds
 def test_a_namesake_over_dds_ends_nothing_and_the_predictor_is_heard_after_it(tmp_path):
     """An exception in the answer of a service ended the process by a segmentation fault."""

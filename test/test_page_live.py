@@ -127,6 +127,7 @@ def test_from_rest_to_a_kept_model_without_a_terminal(page):
     wait_for(lambda: any('no model before' in line or 'back to' in line for line in page.state.answers), 'an answer')
 
 
+@pytest.mark.long
 def test_a_wrong_sensor_is_named_through_the_nodes(page):
     page.rest(15.0, turned_over)
     guidance = page.lie_still_until(lambda guidance: guidance.fault == 'sensor-turned', 'fault', turned_over)
@@ -142,6 +143,7 @@ def test_the_sea_state_and_the_sensors_own_topic_reach_the_page(page):
     assert page.node.sensor == '/imu/data'
 
 
+@pytest.mark.long
 def test_a_page_that_stands_still_holds_nobody_up(page):
     page.spinning.pause()
     page.rest(10.0)

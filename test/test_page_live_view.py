@@ -153,6 +153,7 @@ def test_a_softening_decay_is_drawn_as_softening_with_the_model_over_it():
     assert 'runs away' in words and shown['measured']
 
 
+@pytest.mark.long
 def test_each_release_is_listed_with_what_it_added_and_the_last_minute_can_be_taken_along(tank, tmp_path):
     hull = IdentifiedModel.exactly(hull_named('swath-pitch').model)
     for error, releases in ((0.2, 1), (0.05, 2), (None, 0)):

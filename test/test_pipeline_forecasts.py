@@ -57,6 +57,7 @@ def messages_of(step):
     return {t: typestore().deserialize_cdr(raw, type_of(t)) for t, raw in SENT.all_of(step)}
 
 
+@pytest.mark.long
 def test_stamps_are_exact(decay):
     assert decay[0].next is None and decay[1].next.leads == pytest.approx([0.02])
     assert [step.next.stamp_ns - EPOCH_NS for step in decay[1:]] == [20_000_000 * k for k in range(1, len(decay))]
@@ -122,6 +123,7 @@ def test_who_comes_later_gets_the_forecast_of_who_was_there_from_the_start(trial
         assert_same(each, of_every)
 
 
+@pytest.mark.long
 def test_every_message_leaves_to_who_subscribes_to_it_and_all_of_them_to_who_does_to_all():
     frames, limits = (1.0,), QuiescenceLimits(roll=0.2, duration=1.0)
     pipeline = ForecastPipeline(PipelineSettings(forecaster=replace(SETTINGS.forecaster, quiescence=limits)))
@@ -157,6 +159,7 @@ def test_points_that_somebody_subscribes_to_are_worked_out_as_far_ahead_as_that(
         assert wanted_for({topic}, *published) == Wanted(*wanted, False, False)
 
 
+@pytest.mark.long
 def test_who_asks_for_the_diagnostics_is_told_the_valid_leads():
     told = []
     for wanted in (Wanted(), nothing()):
@@ -191,6 +194,7 @@ def test_without_angles_and_rates_nothing_is_forecast():
     assert pipeline.counts['no-orientation'] == len(steps)
 
 
+@pytest.mark.long
 def test_before_a_model_constant_rate_with_growing_variance_and_after_it_the_hull():
     readings = list(decay_stream(RATE, 20.0, release=8.0))
     pipeline, before = play(readings[:500])
@@ -242,6 +246,7 @@ def test_one_factor_scales_every_covariance(decay):
 RECORD_SETTINGS = ForecasterSettings(leads=(0.5, 1.0), horizon=2.0, horizon_step=0.5)
 
 
+@pytest.mark.long
 def test_what_is_to_come_changes_no_forecast_before():
     trial, others, changed_from = sea(30.0), sea(30.0, seed=7), 22.0
     is_later = trial.time > changed_from
@@ -267,6 +272,7 @@ def test_forecasts_come_at_the_rate_asked_for_but_never_between_samples(rate, as
     np.testing.assert_allclose(np.diff([step.stamp for step in run.steps]), every, atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_record_of_one_axis_and_a_record_that_is_still():
     trial = sea(30.0)
     run = run_through(Trial(trial.time, roll=trial.roll), RECORD_SETTINGS)

@@ -42,6 +42,7 @@ def forecasts_with_errors(trial, errors, deviation):
     return Run(tuple(steps))
 
 
+@pytest.mark.long
 def test_errors_of_known_size_are_scored_as_such_and_so_are_their_intervals():
     rng, trial, size = np.random.default_rng(5), rolling(900.0), 0.02
     errors = rng.normal(0.0, size, (trial.time.size, 2))
@@ -222,6 +223,7 @@ def forecasts_at_points(trial, motion, learnt=0.0):
     return Run(tuple(steps))
 
 
+@pytest.mark.long
 def test_errors_of_known_size_at_a_point_are_scored_as_such():
     trial, motion = swell(300.0)
     run = forecasts_at_points(trial, motion)

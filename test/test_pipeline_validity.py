@@ -80,6 +80,7 @@ def test_what_no_amplitude_is_known_of_is_not_judged():
     assert swung(replace(HULL, amplitude_range=(radians(2.0), radians(2.0))), 5.0) == []
 
 
+@pytest.mark.long
 def test_the_predictor_tells_verdict_and_sentence():
     pipeline = ForecastPipeline()
     health = PredictorHealth('imu/data', pipeline)

@@ -95,6 +95,7 @@ def test_two_runs_give_the_same_messages_bit_for_bit_as_a_type_system_writes_the
     assert {kind.rpartition('/')[2] for _, kind, _, _ in first} == set(kinds.split())
 
 
+@pytest.mark.long
 def test_forecasts_are_those_of_the_predictor_core(bag, played):
     pipeline, sent, expected = ForecastPipeline(), ForecastMessages('base_link'), {}
     model_time = decoded(played, '/model/description')[0][0]
@@ -170,6 +171,7 @@ def test_a_window_that_comes_amid_a_fit_waits_for_it(bag):
     assert len(took) == 1
 
 
+@pytest.mark.long
 def test_a_clock_that_is_set_back_ends_a_waiting_fit(bag):
     pipeline = PlayThrough(PlayThroughSettings(refit_delay=1e6), fit=stub_fit([]))
     first, *others = read_readings(bag)
@@ -180,6 +182,7 @@ def test_a_clock_that_is_set_back_ends_a_waiting_fit(bag):
     assert pipeline.refitter.models == {'roll': HULL}
 
 
+@pytest.mark.long
 def test_the_sea_is_fitted_inline_and_nothing_is_identified_where_that_is_off(bag):
     asked, installed, calls = [], [], []
 
@@ -216,6 +219,7 @@ def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag
     assert (identified['refits'], identified['published'], identified['state']) == ('1', '1', 'ready')
 
 
+@pytest.mark.long
 def test_a_gap_is_told_once_and_a_clock_set_back_begins_anew(bag):
     pipeline = PlayThrough(PlayThroughSettings(auto_identify=False))
     health = PlayedHealth(pipeline, 'imu/data', (1.0, 1.0, 1.0))
@@ -256,6 +260,7 @@ def test_a_known_model_is_published_first_and_used_and_the_model_path_of_the_nod
     assert model_from_yaml(decoded(out, '/model/description')[0][1].data)['roll'] == HULL
 
 
+@pytest.mark.long
 def test_frames_are_turned_once_whatever_the_record(trial, tmp_path):
     """A CSV trial is turned by its reader, a bag by the cores: both give the same forecasts."""
     angles = []

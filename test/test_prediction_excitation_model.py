@@ -152,6 +152,7 @@ def test_a_fit_taken_up_late_is_the_one_taken_up_at_once(sea):
     assert late.forecast(leads)[0] == pytest.approx(prompt.forecast(leads)[0], abs=2e-4)
 
 
+@pytest.mark.long
 def test_any_hull_stands_in_for_one_that_is_not_known():
     rng, blocks = np.random.default_rng(4), 2600
     frequency, phase = 2.0 * rng.normal(1.0, 0.15, 80), rng.uniform(0.0, 2.0 * math.pi, 80)
@@ -217,6 +218,7 @@ def test_the_steady_covariance_solves_riccatis_equation():
     assert excitation._filtered_covariance(a, q, noise) == pytest.approx(updated, abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('factor', [0.7, pytest.param(1.3, marks=pytest.mark.long)])
 def test_a_hull_30_percent_off_in_stiffness_is_named(sea, factor):
     _, seen = sea

@@ -120,6 +120,7 @@ def test_jitter_of_the_stamps_costs_little(without_noise):
     assert (a[1:] < 1.5 * b[1:]).all()
 
 
+@pytest.mark.long
 def test_a_forecast_is_of_its_stamp_where_the_stamps_of_even_samples_jitter(without_noise):
     jitter = TIME[:900] + np.random.default_rng(2).uniform(-0.02, 0.02, 900)
     _, jittered = run(SEA.samples(TIME[:900], jitter, told=False))
@@ -154,6 +155,7 @@ def test_after_lost_samples_the_forecast_is_that_of_a_whole_record(run_on, stead
     assert len(after) >= 3 and (ratio[1:] < 1.3).all(), ratio
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('wrong', [{'roll': 0.4}, {'roll_rate': 0.9}, {'roll': -0.2, 'roll_rate': 0.9}])
 def test_a_rejected_sample_is_as_if_it_were_missing(run_on, wrong):
     samples = SEA.samples(TIME, EPOCH + TIME)[: UNTOUCHED + 200]
@@ -178,6 +180,7 @@ def counted(time, stamps):
     return {reason: count for reason, count in pipeline.counts.items() if count}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('rate', [10.0, pytest.param(50.0, marks=pytest.mark.release)])
 def test_what_is_lost_is_counted_exactly(rate):
     """One in twenty at random, of a clock whose stamps jitter by a twentieth of an interval."""
@@ -192,6 +195,7 @@ def test_what_is_lost_is_counted_exactly(rate):
         assert counts.get('lost-sample') == is_lost.sum()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('rate', [pytest.param(10.0, marks=pytest.mark.release), 50.0])
 def test_a_swapped_neighbour_comes_late_and_is_not_lost(rate):
     """Of a fifth of the samples."""
@@ -210,6 +214,7 @@ def test_a_stamp_that_is_late_by_most_of_an_interval_is_none_lost():
     assert counted(time, time + late) == {}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     'shift', [0.5, -1000.0, *(pytest.param(shift, marks=pytest.mark.release) for shift in (5.0, 31536000.0))]
 )
@@ -223,6 +228,7 @@ def test_a_motion_that_goes_on_while_its_clock_is_set_is_forecast_as_before(run_
     assert (after[1:] < 1.2 * without[1:]).all(), after / without
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('shift', [pytest.param(-0.3, marks=pytest.mark.release), -0.5])
 def test_a_clock_that_is_set_back_by_a_few_intervals_is_followed(run_on, steady, shift):
     """The stamps may overlap so that the messages look late until one is in order again."""
@@ -316,6 +322,7 @@ def test_a_fit_within_its_delay_changes_nothing_and_a_late_one_is_used_from_then
     assert (error(late, time, 30.0, 45.0) < 1.5 * error(on_time, time, 30.0, 45.0) + 1e-3).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('rates', [pytest.param((10.0, 100.0), marks=pytest.mark.release), (50.0, 10.0)])
 def test_a_sensor_that_changes_its_rate_is_followed(rates):
     time = np.concatenate([clock(rates[0], 20.0), 20.0 + clock(rates[1], 40.0)])
@@ -344,6 +351,7 @@ def test_a_craft_and_a_sea_that_are_slower_by_a_factor_are_forecast_as_well_so_m
     assert found == pytest.approx(error(steady, TIME, 50.0, 118.0), rel=0.08)
 
 
+@pytest.mark.long
 def test_a_fit_of_rows_that_were_laid_out_anew_since_is_not_used():
     """It comes from the background, and its step is no longer that of the rows."""
     pipeline, fits = ForecastPipeline(PipelineSettings(forecaster=SETTINGS)), []
@@ -358,6 +366,7 @@ def test_a_fit_of_rows_that_were_laid_out_anew_since_is_not_used():
     assert not pipeline.forecaster._bank.spaces
 
 
+@pytest.mark.long
 def test_an_axis_without_angle_is_forecast_from_its_rate():
     """The restoring moment of the hull makes the angle known; without a hull its rate is."""
     hull, time = IdentifiedModel.exactly(hull_named('swath-roll').model), clock(10.0, 50.0)
@@ -430,6 +439,7 @@ class LetGo(Sea):
         return np.array([roll, 0.0 * roll])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('slower', [0.5, pytest.param(3.0, marks=pytest.mark.release)])
 def test_before_two_cycles_have_been_seen_the_level_may_be_any_of_them(slower):
     """Half a period after a craft was let go it is as far on the other side."""

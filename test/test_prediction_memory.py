@@ -146,6 +146,7 @@ def test_a_memory_on_more_rows_forecasts_them(buoy):
     assert (np.std(missed[100:], axis=0) < 0.2 * np.std(rows[2400:, : len(AXES)], axis=0)).all()
 
 
+@pytest.mark.long
 def test_a_start_in_the_same_sea_errs_much_less(buoy):
     whole, memory = buoy
     starts = [whole.between(begin, begin + YOUNG) for begin in (250.0, 280.0, 310.0)]
@@ -160,6 +161,7 @@ def test_a_list_since_then_changes_nothing(buoy):
     assert rms(listed, memory) < 1.1 * rms(later, memory)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('factor', [0.6, 1.7])
 def test_the_memory_of_another_craft_does_no_harm(buoy, factor):
     """The craft is as many times as slow, on the same rows."""

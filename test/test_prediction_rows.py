@@ -144,6 +144,7 @@ def test_a_row_without_a_sample_is_missing_and_the_others_are_measured(rate, los
     np.testing.assert_allclose(found, motion(at[is_known]), atol=1e-9 if samples == 1 else 2e-3)
 
 
+@pytest.mark.long
 @example(rate=100.0, bursts=[(23, 1), (10, 1)])
 @given(rate=st.sampled_from([30.0, 100.0, 200.0]), bursts=st.lists(st.tuples(st.integers(1, 200), st.integers(1, 12))))
 def test_rows_stay_whole_steps_apart_whatever_is_lost_how_soon_after_another_loss(rate, bursts):

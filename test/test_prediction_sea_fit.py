@@ -70,6 +70,7 @@ def test_values_that_do_not_change_teach_nothing_and_break_nothing():
         assert all(np.isfinite(np.asarray(model.a)).all() for model in fit.waves.values())
 
 
+@pytest.mark.long
 def test_a_hull_is_asked_for_its_moment_and_gets_it():
     """The request of a forecaster that knows a hull; the axis without one is not asked for."""
     forecaster, request = Forecaster(ForecasterSettings(leads=(0.5,), horizon=0.5)), None

@@ -110,6 +110,7 @@ def test_on_a_known_hull_a_biased_gyroscope_alone_is_as_good_as_a_complete_senso
     assert np.all(deviations.mean(axis=0) < 2.5 * root_mean_square)
 
 
+@pytest.mark.long
 def test_without_a_hull_forecasts_are_about_a_level_that_nothing_tells(sea, of_complete_sensor):
     errors, deviations = forecasts_of(sea, {}, math.radians(0.3))
     assert np.all(errors.std(axis=0) < 1.15 * of_complete_sensor + [0.15, 0.0, 0.0])
@@ -141,6 +142,7 @@ def test_what_is_not_as_large_as_gravity_tells_no_level(scale):
     assert gravity.levels(3.2) == []
 
 
+@pytest.mark.long
 def test_a_level_that_gravity_tells_makes_the_intervals_narrower(sea):
     trim = 0.06
     force = 9.81 * np.stack([np.zeros(sea.time.size), np.sin(trim + sea.angle[:, 0]), np.cos(trim + sea.angle[:, 0])])

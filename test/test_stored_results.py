@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 from bag_messages import STORE
 
 from swath_sysid.attitude.hull.catalogue import hull_named
@@ -73,6 +74,7 @@ def played_through(folder):
     return found
 
 
+@pytest.mark.long
 def test_a_record_played_through_gives_the_stored_messages(tmp_path):
     stored, found = json.loads(STORED.read_text())['played'], played_through(tmp_path)
     counts, expected = ({topic: kept['count'] for topic, kept in each.items()} for each in (found, stored))

@@ -114,6 +114,7 @@ def stand_in(tmp_path, monkeypatch):
             del sys.modules[name]
 
 
+@pytest.mark.long
 def test_a_folder_with_a_wing_is_handed_in_everywhere(stand_in, measured, monkeypatch, tmp_path, capsys):
     monkeypatch.setitem(SENTENCES, 'counted', stand_in('common/advice.py')['SENTENCES']['counted'])
     table = stand_in('nodes/parameters/table.py')

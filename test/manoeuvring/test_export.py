@@ -205,6 +205,7 @@ def test_fossens_matrices_come_back_to_the_craft_cubic_terms_and_all(
     assert still == pytest.approx(-2.0 - 0.9 * 2.0 * 0.7 * 250.0 * 0.4**1.3)
 
 
+@pytest.mark.long
 def test_what_a_target_drops_is_said_in_the_file_and_on_the_terminal(tmp_path, capsys):
     source = written(tmp_path / 'm.yaml', CUBIC)
     said = exported(capsys, source, '--to', 'gazebo', '--output', str(tmp_path / 'm.sdf'))

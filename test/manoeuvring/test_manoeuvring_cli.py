@@ -128,6 +128,7 @@ def test_one_clear_sentence(folder, words, match):
         swath(*(word.format(runs=folder / 'runs') for word in words))
 
 
+@pytest.mark.long
 def test_a_slip_is_one_sentence_that_says_what_is_meant_and_tasks_are_completed(tmp_path, capsys):
     for words, said in (
         ('manoeuvre simulat', "there is no task 'simulat' (did you mean simulate?)"),

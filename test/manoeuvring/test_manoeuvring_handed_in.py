@@ -70,6 +70,7 @@ def test_pure_python_reads_a_model_as_the_library_does(monkeypatch):
     assert plain_content(manoeuvring_text(), 'it') == by_library
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('node', ['identifier', 'predictor'])
 def test_a_node_loads_no_more_of_the_core_than_it_runs(node):
     pytest.importorskip('rclpy')

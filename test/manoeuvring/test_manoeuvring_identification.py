@@ -282,6 +282,7 @@ def test_wrong_scale_of_thrust_is_noticed(force_runs):
     assert 'strange-inertia' in codes(found)
 
 
+@pytest.mark.long
 def test_what_is_given_stays_given(force_runs):
     given = dict(terms=('Xu', 'Xuu', 'Nr', 'Yv', 'Nr_dot'), fixed={'Xu_dot': -5.0, 'Yv_dot': 0.0})
     settings = ManoeuvringSettings(**QUICK, **given, inertia=400.0, lever=1.0)

@@ -180,6 +180,7 @@ def test_forecasts_are_due_and_right(manoeuvre):
     assert np.all(np.linalg.eigvalsh(state.twist_covariance) > 0)
 
 
+@pytest.mark.long
 def test_faults_are_counted_and_survived(manoeuvre):
     outlook = ManoeuvreOutlook(SETTINGS, MODEL)
     rows = readings(manoeuvre)
@@ -218,6 +219,7 @@ def test_supplied_thrust_bends_the_path_and_silent_thrusters_stop_if_asked(manoe
     assert abs(step.leads[1].surge) < 0.5
 
 
+@pytest.mark.long
 def test_thrust_stamped_by_another_clock_before_the_first_odometry_acts():
     """The node's clock may be far ahead of a simulator's, which is told only by its odometry."""
     outlook = ManoeuvreOutlook(ManoeuvreOutlookSettings(leads=(5.0,)), MODEL)

@@ -82,6 +82,7 @@ def test_a_run_of_spins_reverses_nothing(craft_and_trials, runs):
         assert np.allclose(run.port, expected.port)
 
 
+@pytest.mark.long
 def test_what_the_records_leave_open_is_assumed_and_named(runs, craft_and_trials):
     settings = ManoeuvringSettings(mass=26.0)
     problem = assemble(runs, settings)

@@ -141,6 +141,7 @@ class Ending(Executor):
         raise self.end
 
 
+@pytest.mark.long
 def test_interrupted_again_and_again_and_continued_gives_the_same_tables(trials, done, tmp_path):
     for tasks in (1, 8, 10):
         with pytest.raises(KeyboardInterrupt):
@@ -183,6 +184,7 @@ def test_two_processes_killed_stopped_and_continued_give_the_same_tables(trials,
     assert tables_of(outcome) == tables_of(done[0])
 
 
+@pytest.mark.long
 def test_what_differs_is_computed_again(trials, done, tmp_path):
     _, output = done
     other = MANIFEST.replace('title: A', 'title: B').replace('[linear, swath-pitch-6]', '[linear]')
@@ -390,6 +392,7 @@ def test_a_value_and_its_uncertainty_have_the_same_digits(value, share):
     assert abs(float(one) * 10.0**power - value) <= 0.51 * 10.0 ** (power - places[0]) + 1e-9 * value
 
 
+@pytest.mark.long
 def test_a_pdf_is_printed_by_a_browser_or_refused_before_any_work(trials, done, tmp_path, monkeypatch, capsys):
     if any(map(shutil.which, BROWSERS)):
         write_pdf(done[1] / 'report.html', tmp_path / 'report.pdf')
@@ -445,6 +448,7 @@ def future_of(error):
     return future
 
 
+@pytest.mark.long
 def test_a_lost_scheduler_ends_with_one_sentence_and_what_is_done_stays(trials, done, tmp_path, monkeypatch, capsys):
     comm_closed, client_closed = type('CommClosedError', (OSError,), {}), type('ClosedClientError', (Exception,), {})
     comm, client = SimpleNamespace(CommClosedError=comm_closed), SimpleNamespace(ClosedClientError=client_closed)

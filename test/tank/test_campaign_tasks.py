@@ -87,6 +87,7 @@ def together_of(records, fits, place):
     return kept(evaluation.fit_together(problem, [f[place] for f in fits]), problem, fits[0][place].settings)
 
 
+@pytest.mark.long
 def test_together_is_better_known_than_alone(records, fits):
     together = together_of(records[:2], fits[:2], 1)
     assert together.problem.scales.amplitude == max(r.problem.scales.amplitude for r in records[:2])
@@ -97,6 +98,7 @@ def test_together_is_better_known_than_alone(records, fits):
         assert abs(value - HULL.terms[term]) < 4.0 * std
 
 
+@pytest.mark.long
 def test_judging_knows_the_truth_from_a_wrong_hull(records, fits):
     fit = fits[0][1]
     right, bad = judged((fit, with_terms(fit, r1=1.2 * fit.model.terms['r1'])), records[1].problem)
@@ -120,6 +122,7 @@ def test_the_best_repeat_is_the_best_explained_and_differences_within_the_noise_
     assert 'no difference exceeds the noise' in statement and 'between repeats' in statement
 
 
+@pytest.mark.long
 def test_ranking_takes_the_simplest_adequate(fits, records):
     records, fits = records[1:], fits[1:]
     own = [together_of(records, fits, k) for k in range(len(NAMES))]
@@ -154,6 +157,7 @@ def test_angles_and_rates_are_not_drawn_on_one_axis():
     assert labels == {'decays_pitch_all_rate': ['pitch rate [deg/s]'], 'decays_pitch_all': ['pitch [deg]']}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('hull', 'longer', 'groups'), [('swath-pitch', 1.0, [6]), ('swath-roll', 1.1, [5, 1])])
 def test_repeats_of_a_strongly_damped_hull_do_not_contradict_each_other_and_another_draft_does(hull, longer, groups):
     model = hull_named(hull).model

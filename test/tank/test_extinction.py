@@ -80,6 +80,7 @@ def test_each_damping_term_gives_its_power_of_the_extinction_curve(term, value):
     assert np.abs(others).max() < 0.03 * found.curve(0.15)
 
 
+@pytest.mark.long
 def test_the_curve_of_a_noisy_record_holds_its_truth_within_its_standard_deviations():
     powers = np.array([0.1, 0.01, 0.001])
     clean = decay(b1=0.05, b2=0.25, duration=30.0)
@@ -170,6 +171,7 @@ def test_terms_in_which_curve_and_motion_fit_differ_are_marked_and_counted():
     assert not curve_table('extinction', '', rows[:4]).finding
 
 
+@pytest.mark.long
 def test_where_the_formula_of_the_curve_errs_the_motion_fit_is_recommended():
     hull = hull_named('swath-roll').model
     motion = simulated_trial(hull, np.radians(8.0), 15.0, 100.0, SensorNoise(), 1).axis('roll')
