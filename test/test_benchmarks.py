@@ -73,6 +73,7 @@ def test_the_table_of_the_ship_is_what_the_code_gives(records, data_folder):
             assert new == pytest.approx(old, abs=0.0011), row
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', ['persistence', 'constant rate', 'AR(40)', 'VAR(40)', 'swath_sysid'])
 def test_our_rows_do_not_look_ahead(records, swinging, name, monkeypatch):
     monkeypatch.setattr(records, 'CHECKED', 30.0)

@@ -130,6 +130,7 @@ def test_the_verdict_needs_both_figures():
     assert not verdict_of(cut).is_good
 
 
+@pytest.mark.long
 def test_the_constant_model_is_the_predictor_core_alone():
     readings, settings = list(decay_stream(duration=3.0, release=1.0, axis='roll')), PipelineSettings()
     pipeline = ForecastPipeline(settings)

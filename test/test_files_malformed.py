@@ -218,6 +218,7 @@ def test_each_is_refused_warned_of_or_right(first, malformed, capsys):
     assert min(outcomes.values()) >= 4
 
 
+@pytest.mark.long
 def test_memory_stays_small(malformed, capsys):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     largest = sorted(malformed.values(), key=lambda path: path.stat().st_size)[-5:]

@@ -96,6 +96,7 @@ def test_other_things_in_the_way(tmp_path):
             read_trial(tmp_path / name, topic=topic)
 
 
+@pytest.mark.long
 def test_kilohertz_are_read_and_megahertz_are_another_unit(tmp_path):
     write_csv(tmp_path / 'a.csv', Trial(time=2e-4 * np.arange(5000), roll=np.full(5000, 0.1)))
     trial = read_trial(tmp_path / 'a.csv')

@@ -388,6 +388,7 @@ def test_records_that_disagree_are_not_usable(turned):
     assert found.apart > 3.0 and not found.is_usable and 'parts-disagree' in {a.code for a in found.advice}
 
 
+@pytest.mark.long
 def test_turns_are_found_by_the_yaw_rate():
     time = np.arange(0.0, 600.0, 0.1)
     noise = 0.05 * np.sin(1.3 * time) + 0.002 + 0.01 * np.random.default_rng(3).normal(size=time.size)

@@ -682,6 +682,7 @@ def test_a_hull_that_capsizes_to_one_side_is_doubtful_until_it_was_released_ther
     assert both.level == ADEQUATE and re.search(r'from -5\.[5-8] to 7\.[4-7] deg', both.sentence)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('noise', [SensorNoise(0.0, 0.0, 0.0), SensorNoise(0.0003, 0.003)])
 def test_a_precise_record_from_one_side_shows_nothing_of_where_the_craft_capsizes(noise):
     sine = published_ratios_for(equation_named('swath-roll-3'), 'roll')

@@ -72,6 +72,7 @@ def twice(table):
     return after(table, table_of(2))
 
 
+@pytest.mark.long
 def test_the_first_refit_is_believed(first):
     refitter = Refitter(QUICK)
     assert refitter.take(first) and set(refitter.models) == {'pitch'} and refitter.version == 1
@@ -94,6 +95,7 @@ def test_a_window_whose_rates_are_reversed_is_not_fitted(table):
     assert 'not fitted' in outcome.message and 'derivative of the pitch angle with the opposite sign' in outcome.message
 
 
+@pytest.mark.long
 def test_the_same_decay_in_another_window_counts_once(table, first):
     refitter = Refitter(QUICK)
     refitter.take(first)

@@ -199,6 +199,7 @@ print(json.dumps(told))
 """
 
 
+@pytest.mark.long
 def test_a_process_that_answers_at_once_runs_kernels_uncompiled_until_the_cache_has_them(tmp_path):
     environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)}
     done = subprocess.run([sys.executable, '-c', AT_ONCE], env=environment, capture_output=True, text=True, check=True)

@@ -64,6 +64,7 @@ def test_filterpy_is_loaded_by_what_forecasts_and_by_nothing_else():
     assert 'filterpy' in loaded and 'scipy.stats' not in loaded
 
 
+@pytest.mark.long
 def test_filterpy_has_its_statistics_when_it_asks_for_them():
     code = 'from swath_sysid.common.filterpy_filter import ExtendedKalmanFilter as EKF; import numpy as np, sys; '
     code += 'f = EKF(1, 1); f.R *= 3; f.update(np.full((1, 1), 0.5), lambda x: np.ones((1, 1)), lambda x: x); '
@@ -74,6 +75,7 @@ def test_filterpy_has_its_statistics_when_it_asks_for_them():
     assert early == 'False' and float(found) == pytest.approx(-0.5 * (0.5**2 / 4.0 + math.log(8.0 * math.pi)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('module', ['attitude.prediction.sea_fit', 'attitude.identification.refit'])
 def test_the_workers_learn_without_libraries_of_which_they_need_a_line(module):
     unneeded = {'scipy.signal', 'scipy.integrate', 'scipy.stats'}

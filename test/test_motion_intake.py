@@ -396,6 +396,7 @@ def test_what_is_left_out_is_counted_and_no_channel_of_the_trial():
 
 
 # of half a cycle, too, whose period is known less well
+@pytest.mark.long
 @pytest.mark.parametrize(
     ('rate', 'axis', 'damping', 'near'),
     [(25.0, 'roll', 0.08, 0.03), (200.0, 'pitch', 0.03, 0.03), (25.0, 'pitch', 0.7, 0.15)],

@@ -412,6 +412,7 @@ def narrow_sea(seed, scale, rate_hz=10.0, minutes=30.0):
     return scale * time, 0.06 * angle / angle.std() + random.normal(0.0, 3e-4, time.size)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('scale', [0.1, 1.0, 10.0])
 def test_a_wave_group_in_a_record_of_a_minute_is_no_decay(scale):
     for seed in range(4):

@@ -182,6 +182,7 @@ def test_a_changed_craft_is_followed_and_rollback_leads_back(identified):
     assert bench.set_parameters('identifier', auto_identify=True) == []
 
 
+@pytest.mark.long
 def test_while_it_identifies_it_answers_and_forecasts_and_can_be_cancelled(identified):
     bench = identified.bench
     assert bench.set_parameters('identifier', population=20000, generations=100000) == []

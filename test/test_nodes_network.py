@@ -89,6 +89,7 @@ def test_the_policy_has_the_form_that_sros2_reads_and_a_profile_of_all_that_we_s
     assert [profile.get('node') for profile in profiles] == [*NODES, *STARTED]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('node', NODES)
 def test_the_policy_allows_what_a_node_does_and_no_more(node, watcher):
     expected = allowed(profile_of(node))

@@ -189,6 +189,7 @@ def test_missing_nodes_are_named():
     assert guidance.sentence == 'Waiting for imu_buffer, identifier.' and 'swath-sysid run' in guidance.cure
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ('known', 'verdict', 'fault', 'cure'),
     [

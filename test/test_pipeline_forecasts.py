@@ -68,6 +68,7 @@ def test_stamps_are_exact(decay):
     assert stamps == [20_000_000, 500_000_000, 1_000_000_000, 0]
 
 
+@pytest.mark.long
 def test_orientation_rates_and_their_variances_are_of_body_axes(decay):
     step = next(step for step in decay[600:] if step.forecast)
     message, forecast = imu_reading(messages_of(step)['forecast/lead_0_5s']), step.forecast.at(0.5)
@@ -283,6 +284,7 @@ def test_a_record_of_one_axis_and_a_record_that_is_still():
     assert all(np.isfinite(step.forecast.half_width('roll')).all() for step in run.steps)
 
 
+@pytest.mark.long
 def test_limits_of_quiescence_are_taken_up_at_their_stamp():
     wide, narrow = (QuiescenceLimits(math.radians(size), math.radians(size), duration=2.0) for size in (60.0, 0.2))
     settings = ForecasterSettings(leads=(0.5,), horizon=2.0, horizon_step=0.1, quiescence=wide)

@@ -247,6 +247,7 @@ def test_errors_of_known_size_at_a_point_are_scored_as_such():
     assert set(scores.nrmse) == {'forecast', 'persistence', 'constant_rate', 'mean'}
 
 
+@pytest.mark.long
 def test_forecasts_before_vertical_motion_is_learnt_count_as_the_mean():
     trial, motion = swell(300.0)
     run = forecasts_at_points(trial, motion, 100.0)

@@ -109,6 +109,7 @@ def test_forecasts_are_those_of_the_predictor_core(bag, played):
     assert len(expected) > 300 and {time: raw for time, raw in published if time < model_time} == expected
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('hulls', [(), ('roll',), ('roll', 'pitch')])
 def test_each_filter_uses_a_sample_by_one_update_of_filterpys(hulls, tmp_path, monkeypatch):
     """A filter without a hull, and with one a second on which no moment acts; the first sample starts them."""
@@ -129,6 +130,7 @@ def test_each_filter_uses_a_sample_by_one_update_of_filterpys(hulls, tmp_path, m
     assert list(updated.values()) == [trial.time.size - 1] * (2 + len(hulls))
 
 
+@pytest.mark.long
 def test_the_decay_is_noticed_and_the_model_comes_after_the_delay(bag, played):
     ((window_time, window),) = decoded(played, '/motion/window')
     ((model_time, description),) = decoded(played, '/model/description')

@@ -207,6 +207,7 @@ def test_a_swapped_neighbour_comes_late_and_is_not_lost(rate):
         assert counted(time[places], time[places]) == {'out-of-order': swapped.size}
 
 
+@pytest.mark.long
 def test_a_stamp_that_is_late_by_most_of_an_interval_is_none_lost():
     """One in twenty comes with the next one: of a clock that is known, none of the two is lost."""
     rng, time = np.random.default_rng(0), clock(50.0, 40.0)
@@ -238,6 +239,7 @@ def test_a_clock_that_is_set_back_by_a_few_intervals_is_followed(run_on, steady,
     assert (after[1:] < 1.2 * without[1:]).all(), after / without
 
 
+@pytest.mark.long
 def test_a_clock_that_is_set_back_by_less_than_a_late_message_is_is_followed():
     time = clock(50.0, 12.0)
     _, steps = run(SEA.samples(time, EPOCH + time - np.where(time < 10.0, 0.0, 0.5)))
@@ -270,6 +272,7 @@ def test_diagnostics_say_so_until_the_waves_are_learnt():
     np.testing.assert_allclose(np.nansum(diagnostics.weights, axis=0), 1.0, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('rate', 'slower'), [(100.0, 1.0), pytest.param(10.0, 10.0, marks=pytest.mark.release)])
 def test_nothing_is_learnt_of_waves_from_a_craft_that_is_leaned_over_and_held(rate, slower):
     """It has hardly moved: a state space fitted to that holds its angle for the level."""
@@ -287,6 +290,7 @@ def test_nothing_is_learnt_of_waves_from_a_craft_that_is_leaned_over_and_held(ra
     assert not [sample for sample in samples if pipeline.add_sample(sample).sea_request is not None]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('models', [{}, {'roll': IdentifiedModel.exactly(hull_named('swath-roll').model)}])
 def test_leads_and_horizon_agree_and_the_joint_covariance_holds_that_of_each_axis(steady, models):
     steps = run(SEA.samples(clock(10.0, 25.0)), models=models)[1] if models else steady

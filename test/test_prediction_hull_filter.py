@@ -410,6 +410,7 @@ def _released(seed, model=ROLL, angle=0.087):
     return craft, reading
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ('name', 'degrees'),
     [

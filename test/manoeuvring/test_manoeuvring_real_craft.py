@@ -214,6 +214,7 @@ def test_a_straight_thrust_curve_is_not_bent_for_what_else_is_missing(otter):
     assert 'exponent' not in found.names
 
 
+@pytest.mark.long
 def test_disturbances_and_sensors_are_those_simulated(craft_and_trials, truth, runs):
     craft, _ = craft_and_trials
     noise = forecast_noise(truth, runs[2:8])

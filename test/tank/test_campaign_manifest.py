@@ -360,6 +360,7 @@ def test_one_process_at_a_time_in_a_folder_that_can_be_made(store, tmp_path):
         ResultStore(tmp_path / 'file' / 'results')
 
 
+@pytest.mark.long
 @given(st.lists(st.one_of(st.text(), st.floats(allow_nan=False), st.integers(), st.none()), min_size=1), st.data())
 def test_a_key_tells_whatever_differs(parts, data):
     other = list(parts)

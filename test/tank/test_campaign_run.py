@@ -318,6 +318,7 @@ def test_drafts_are_converted_where_the_craft_is_known(trials, tmp_path):
     assert 'cannot be converted to draft_m' in work_off(tmp_path, tmp_path / 'out', text=text).trials[1].reason
 
 
+@pytest.mark.long
 def test_the_files_that_are_written(done):
     outcome, output = done
     names = {path.name for path in (output / 'tables').iterdir()}
@@ -334,6 +335,7 @@ def test_the_files_that_are_written(done):
     assert len(figures) > 12 and all(path.read_text().rstrip().endswith('</svg>') for path in figures)
 
 
+@pytest.mark.long
 def test_the_page_needs_nothing_else_and_holds_together(done):
     page = (done[1] / 'report.html').read_text()
     assert_holds_together(page)
@@ -368,6 +370,7 @@ def test_the_client_sees_two_sheets_with_the_title_block_of_the_manifest(done, t
         read_manifest(tmp_path / 'm.yaml')
 
 
+@pytest.mark.long
 def test_releases_to_both_sides_are_compared_and_are_no_repeats(done):
     outcome, _ = done
     (axis,) = outcome.axes

@@ -110,6 +110,7 @@ def test_judging_knows_the_truth_from_a_wrong_hull(records, fits):
     assert 0.0 < found.held_out < 1.0
 
 
+@pytest.mark.long
 def test_the_best_repeat_is_the_best_explained_and_differences_within_the_noise_are_told(records, fits):
     worse = [with_terms(f, r1=1.05 * f.model.terms['r1']) for f in fits[0]]
     assert evaluation.best_repeats(records, [worse, *fits[1:]]) == {records[0].condition: 1, records[2].condition: 2}

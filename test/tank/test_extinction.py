@@ -64,6 +64,7 @@ def test_a_rate_alone_gives_the_curve_which_takes_three_turning_points():
         extinction_of([Peaks(np.arange(2.0), np.array([0.2, -0.1]))])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('term', 'value'), [('b1', 0.06), ('b2', 0.3), ('b3', 0.4)])
 def test_each_damping_term_gives_its_power_of_the_extinction_curve(term, value):
     # averaging: (pi / 2 w) b1 a, 4/3 b2 a^2, 3/8 pi w b3 a^3
