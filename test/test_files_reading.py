@@ -152,6 +152,7 @@ def test_any_content_gives_a_trial_or_one_sentence(tmp_path, kind, data):
 
 
 # not struct.mat, for which every example would start a process: see below
+@pytest.mark.long
 @pytest.mark.parametrize('name', ['a.mcap', 'a.db3', *(name for name in PACKED if name != 'struct.mat')])
 @ANY
 @given(data=st.data())

@@ -117,6 +117,7 @@ def plain_filter(hull, basin, step, bend, counts, readings):
     return np.array(found).transpose(1, 0, 2)
 
 
+@pytest.mark.long
 def test_filter_and_its_slopes_by_every_coefficient_are_those_of_a_plain_one_over_blocks():
     basin, step = np.array([0.02, 3.0, 0.3, 0.1, 2e-3, 1e-2, 3e-3, 0.4, 5e-3, 0.2, 1e-3]), 0.02
     readings, counts = 0.02 * np.random.default_rng(1).normal(size=(2, 25)), np.ones((25, 2))

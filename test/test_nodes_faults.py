@@ -89,6 +89,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', FAULTS)
 def test_a_fault_is_counted_and_good_data_are_forecast_again_within_a_second(craft, name):
     fault, reason = FAULTS[name]

@@ -219,6 +219,7 @@ def test_a_worker_that_dies_is_reported_and_the_next_identification_works(identi
     assert len(children(identified.process.pid)) == 2 and not before & set(children(identified.process.pid))
 
 
+@pytest.mark.long
 def test_the_buffer_publishes_clears_and_records_when_asked(identified):
     bench = identified.bench
     assert bench.set_parameters('identifier', auto_identify=False) == []

@@ -139,6 +139,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('fault', FAULTS)
 def test_every_fault_is_named_with_its_cure(fault):
     made, play, code, step, cure = FAULTS[fault]

@@ -134,6 +134,7 @@ def test_a_wrong_sensor_is_named_through_the_nodes(page):
     assert 'set mounting_deg to [180, 0, 0]' in guidance.cure
 
 
+@pytest.mark.long
 def test_the_sea_state_and_the_sensors_own_topic_reach_the_page(page):
     said = page.bench.publisher(String, 'sea/state', LATCHED)
     said.publish(String(data='is_known: maybe'))

@@ -232,6 +232,7 @@ def test_the_next_attitude_is_known_before_the_leads_are_worked_out():
     assert order.count('leads') > 3 and order.count('next') == 49
 
 
+@pytest.mark.long
 def test_one_factor_scales_every_covariance(decay):
     following, forecast = next((step.next, step.forecast) for step in decay[500:] if step.forecast)
     bow = PointMotion((1.0, 0.0, 0.0), np.ones((2, 3)), np.tile(np.eye(7), (2, 1, 1)))

@@ -200,6 +200,7 @@ def test_the_sea_is_fitted_inline_and_nothing_is_identified_where_that_is_off(ba
     assert len(windows) == 1 and calls == []
 
 
+@pytest.mark.long
 def test_diagnostics_come_once_a_second_of_stamps_and_are_those_of_the_nodes(bag, played):
     stamps, times, values = read_imu(bag).stamps, {}, {}
     for time, message in decoded(played, '/diagnostics'):

@@ -90,6 +90,7 @@ def test_commands_curve_and_lag():
     assert diameters(found.model, model) == pytest.approx([1, 1], abs=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('drift_spread', [0.0, 0.05])
 def test_forward_model_is_what_is_differentiated(force_runs, drift_spread):
     """The Jacobian with eliminated initial states and drifts against differences of the minimum over them."""

@@ -223,6 +223,7 @@ def test_disturbances_and_sensors_are_those_simulated(craft_and_trials, truth, r
     assert noise.sensors == pytest.approx(craft.noise, rel=0.15)
 
 
+@pytest.mark.long
 def test_thrusts_held_for_random_times_have_their_mean_scatter_and_time(truth, runs):
     rng, step = np.random.default_rng(3), runs[0].step
     inputs = np.repeat(rng.normal((6.0, 4.0), (3.0, 1.0), (1200, 2)), rng.geometric(step / 7.0, 1200), axis=0)
@@ -234,6 +235,7 @@ def test_thrusts_held_for_random_times_have_their_mean_scatter_and_time(truth, r
     assert held == pytest.approx(7.0, rel=0.1)
 
 
+@pytest.mark.long
 def test_what_thrust_to_come_may_be_grows_as_changes_of_held_thrust_do(truth, runs):
     noise = forecast_noise(truth, runs[2:4])
     filter_ = ManoeuvreFilter(replace(MODEL, model=truth, forecast=noise))

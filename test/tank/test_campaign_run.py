@@ -352,6 +352,7 @@ def test_the_page_needs_nothing_else_and_holds_together(done):
         assert float(row['natural period [s]']) == pytest.approx(truth, rel=0.1) and f'>{row["verdict"]}</td>' in first
 
 
+@pytest.mark.long
 def test_the_client_sees_two_sheets_with_the_title_block_of_the_manifest(done, tmp_path):
     outcome, _ = done
     (tmp_path / 'logo.svg').write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')

@@ -137,6 +137,7 @@ def test_ranking_takes_the_simplest_adequate(fits, records):
         evaluation.rank_campaign('pitch', [], [], [])
 
 
+@pytest.mark.long
 def test_spread_between_repeats(fits):
     condition = Condition('pitch', 1.0, 6.0)
     by_name = {s.quantity: s for s in evaluation.spread_of_repeats(condition, [f[1] for f in fits[:2]])}
