@@ -305,6 +305,7 @@ def test_drafts_of_files_are_told_apart_and_refer_to_the_design_draft(tmp_path):
     assert [t.record.condition.loading for t in outcome.trials] == pytest.approx(DRAFTS)
 
 
+@pytest.mark.long
 def test_drafts_are_converted_where_the_craft_is_known(trials, tmp_path):
     one, other = sorted(trials.glob('*0.9T*.csv'))
     text = (
@@ -407,6 +408,7 @@ def test_a_pdf_is_printed_by_a_browser_or_refused_before_any_work(trials, done, 
     assert not (tmp_path / 'none').exists()
 
 
+@pytest.mark.long
 def test_the_command_line_scales_there_and_back(done, tmp_path, capsys):
     _, output = done
     there, back = tmp_path / 'full.yaml', tmp_path / 'back.yaml'
