@@ -72,7 +72,7 @@ setup(
             *(f'{room}/*.yaml' for room in ('cli', 'common', 'formats', 'nodes/parameters', 'page')),
             *(
                 f'{room}/*.yaml'
-                for room in ('tank', 'tank/campaign', 'tank/papers', 'manoeuvring', 'manoeuvring/paper')
+                for room in ('evaluation', 'tank', 'tank/campaign', 'tank/papers', 'manoeuvring', 'manoeuvring/paper')
             ),
             'manoeuvring/formats/export/*.txt',
             'report/*.css',

@@ -18,8 +18,8 @@ from scipy.signal import welch
 
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.evaluation.baselines import Record, baseline_forecasts, running_regression
 from swath_sysid.formats.reading import read_trial
-from swath_sysid.pipeline.baselines import Record, baseline_forecasts, running_regression
 from swath_sysid.pipeline.record_run import run_through
 
 LEADS = 1, 2, 4, 7, 10, 14, 21, 28

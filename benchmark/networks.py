@@ -30,8 +30,8 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.turning_points import find_turning_points, mean_period
 from swath_sysid.attitude.prediction.variate_analysis import useful_channels
-from swath_sysid.pipeline.baselines import Record
-from swath_sysid.pipeline.scoring import FORECAST, score_forecasts
+from swath_sysid.evaluation.baselines import Record
+from swath_sysid.evaluation.scoring import FORECAST, score_forecasts
 
 MISSING = 2
 PERIODS = 3.0

@@ -19,9 +19,9 @@ from sea_forecasts import make_sea
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.evaluation.scoring import FORECAST, score
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
-from swath_sysid.pipeline.scoring import FORECAST, score
 
 DATA = Path(os.environ.get('SWATH_SYSID_DATA', Path(__file__).resolve().parents[2] / 'shared' / 'data'))
 BUOY, SHIP = 'waves/morro_buoy.csv', 'waves/nbp1406_ship.csv'

@@ -31,11 +31,11 @@ from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import InputError
+from swath_sysid.evaluation.baselines import Record, running_regression, simple_forecasts
+from swath_sysid.evaluation.scoring import FORECAST, score_forecasts, score_valid_leads
 from swath_sysid.formats.identify_records import identify_at_sea
 from swath_sysid.formats.reading import read_trial
-from swath_sysid.pipeline.baselines import Record, running_regression, simple_forecasts
 from swath_sysid.pipeline.record_run import run_through
-from swath_sysid.pipeline.scoring import FORECAST, score_forecasts, score_valid_leads
 
 WINDOW = ForecasterSettings().window
 """Periods of past that our rows may learn from."""

@@ -31,7 +31,7 @@ from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.common.signals import sine_tapers
-from swath_sysid.pipeline.baselines import Record, baseline_forecasts
+from swath_sysid.evaluation.baselines import Record, baseline_forecasts
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
 HULL = hull_named('swath-roll').model

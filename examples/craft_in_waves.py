@@ -12,9 +12,9 @@ from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.vertical import BAND_HZ
 from swath_sysid.attitude.prediction.point import POINT_MOTION
 from swath_sysid.cli.progress import progress_of
+from swath_sysid.evaluation.baselines import vertical_record
+from swath_sysid.evaluation.scoring import SENSOR
 from swath_sysid.formats.outputs import Output, check_outputs
-from swath_sysid.pipeline.baselines import vertical_record
-from swath_sysid.pipeline.scoring import SENSOR
 from swath_sysid.report.figures import FORMATS, save_figure
 
 STEP = 0.1

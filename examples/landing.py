@@ -21,9 +21,9 @@ import numpy as np
 from craft_in_waves import carry_out
 from scipy.stats import norm, qmc
 
+from swath_sysid.evaluation.scoring import block_sums, resampled
 from swath_sysid.nodes.parameters.parameter_files import values_from_file
 from swath_sysid.nodes.parameters.settings import pipeline_settings
-from swath_sysid.pipeline.scoring import block_sums, resampled
 from swath_sysid.report.figures import SERIES, new_figure, quiet
 
 PARAMETERS = Path(__file__).with_name('landing.yaml')

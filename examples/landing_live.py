@@ -18,10 +18,10 @@ from swath_sysid import InputError
 from swath_sysid.attitude.motion.attitude import euler_angles, up_in_body
 from swath_sysid.cli.progress import progress_of
 from swath_sysid.cli.ros import ros_needed
+from swath_sysid.evaluation.scoring import SENSOR
 from swath_sysid.formats.bags import write_imu_bag
 from swath_sysid.formats.messages import SECOND_NS, stamp_ns
 from swath_sysid.formats.topics import CALM_TOPIC, point_lead_topic
-from swath_sysid.pipeline.scoring import SENSOR
 
 START_NS = 1_700_000_000 * SECOND_NS
 START_TIMEOUT_S, SILENCE_S, STOP_TIMEOUT_S = 120.0, 60.0, 30.0

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.prediction.sea_fit import fit_sea as fit_sea
     from swath_sysid.common.advice import Advice as Advice
     from swath_sysid.common.errors import InputError as InputError
+    from swath_sysid.evaluation.scoring import Skill as Skill
+    from swath_sysid.evaluation.scoring import score as score
     from swath_sysid.formats.identify_records import identify as identify
     from swath_sysid.formats.identify_records import identify_at_sea as identify_at_sea
     from swath_sysid.formats.identify_records import write_model as write_model
@@ -39,8 +41,6 @@ if TYPE_CHECKING:
     from swath_sysid.pipeline.forecast_pipeline import PipelineSettings as PipelineSettings
     from swath_sysid.pipeline.record_run import run_through as run_through
     from swath_sysid.pipeline.record_run import samples_of as samples_of
-    from swath_sysid.pipeline.scoring import Skill as Skill
-    from swath_sysid.pipeline.scoring import score as score
     from swath_sysid.share import share_folder as share_folder
 
 _HOMES = {
@@ -56,7 +56,7 @@ _HOMES = {
     'attitude.hull.identified_model': ('IdentifiedModel',),
     'formats.model_file': ('read_model',),
     'pipeline.record_run': ('run_through', 'samples_of'),
-    'pipeline.scoring': ('score', 'Skill'),
+    'evaluation.scoring': ('score', 'Skill'),
     'pipeline.forecast_pipeline': ('ForecastPipeline', 'PipelineSettings'),
     'attitude.prediction.forecaster': ('ForecasterSettings',),
     'attitude.prediction.sea_fit': ('fit_sea',),

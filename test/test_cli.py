@@ -216,7 +216,7 @@ def test_flags_that_advice_is_given_exist(capsys):
     assert with_flags('spikes', 'look again') == 'look again'
 
 
-@pytest.mark.parametrize('verb', ['identify', 'compare', 'forecast'])
+@pytest.mark.parametrize('verb', ['identify', 'compare'])
 def test_a_record_that_contradicts_itself_is_refused_with_its_cure(verb, trial_file, tmp_path, capsys):
     wrong = tmp_path / 'wrong.csv'
     wrong.write_text(trial_file.read_text().replace('pitch_rate_rad_s', 'pitch_rate_deg_s'))
@@ -235,22 +235,6 @@ def test_a_record_that_contradicts_itself_is_refused_with_its_cure(verb, trial_f
         assert main(['identify', str(wrong), '--frame', 'flu']) == 0
 
 
-def test_a_forecast_of_slow_samples_says_which_leads_were_not_measured(tmp_path, capsys):
-    """The pitch of noise has no limit where roll alone is scored, and no flag begins with a digit."""
-    time = np.arange(240.0)
-    rows = zip(time, 5.0 * np.sin(time / 2.1) + np.sin(time / 1.7), 1e-3 * np.sin(7.0 * time), strict=True)
-    path = table(tmp_path / 'ship.csv', 'time_s,roll_deg,pitch_deg', rows)
-    assert main(['forecast', str(path), '--leads', '0.5,2', '--axis', 'roll', '--all']) == 0
-    out, err = capsys.readouterr()
-    assert '[leads-between-samples]' in err and 'motion 0.5 s ahead' in err
-    assert 'pitch' not in out and ' = VAR(60)' in out
-    assert main(['forecast', str(path), '--until', '20']) == 2
-    told = last_line(capsys.readouterr().err)
-    assert 'scoring ends at 20 s, within the warm-up' in told and '(--until, --warmup)' in told
-    assert main(['forecast', str(path), '--leads', '-1,2']) == 2
-    assert 'cannot be -1: give 0.01 to 120 s' in last_line(capsys.readouterr().err)
-
-
 @pytest.mark.long
 def test_a_verb_ends_in_its_conclusion_which_quiet_leaves_and_reads_standard_input(capsys, monkeypatch):
     record = share_folder() / 'records' / 'kvlcc2_roll_decay.csv'
@@ -262,18 +246,6 @@ def test_a_verb_ends_in_its_conclusion_which_quiet_leaves_and_reads_standard_inp
     out, err = capsys.readouterr()
     assert out.splitlines() == told[-1:] and 'identify: ' not in err
     assert told[-1].startswith('roll: doubtful; at 5.34 deg: natural period 2.5')
-    assert main(['forecast', str(record), '--leads', '0.5,1', '--axis', 'roll', '--quiet']) == 0
-    first, last = capsys.readouterr().out.splitlines()
-    assert first.startswith('roll: ') and 'of the error of' in first and last.startswith('valid lead')
-
-
-@pytest.mark.release
-@pytest.mark.parametrize(('limit', 'why'), [(1e-6, 'never kept'), (90.0, 'never left')])
-def test_a_calm_that_never_changes_is_not_scored(limit, why, capsys):
-    record = str(share_folder() / 'records' / 'kvlcc2_roll_decay.csv')
-    assert main(['forecast', record, '--leads', '0.5', '--axis', 'roll', '--quiet-deg', f'{limit},{limit}']) == 0
-    told = ' '.join(capsys.readouterr().out.split())
-    assert f'not scored, since the craft {why} the limits' in told and 'Brier' not in told and 'F1' not in told
 
 
 @pytest.mark.parametrize(('options', 'code'), [((), 'forced-motion'), (('--end', '120'), 'too-few-waves')])
@@ -305,8 +277,7 @@ def test_the_examples_of_a_verb_are_in_its_help_and_are_accepted(verb, capsys):
     [
         ('identfy x.csv', "there is no verb 'identfy' (did you mean identify?)"),
         ('identify x.csv --axs roll', "there is no argument '--axs' (did you mean --axis?)"),
-        ('forecast x.csv --axis rol', "there is no --axis 'rol' (did you mean roll?): choose from roll, pitch"),
-        ('forecast x.csv --leads -1,2', '--leads: cannot be -1'),
+        ('simulate --axis rol', "there is no --axis 'rol' (did you mean roll?): choose from roll, pitch"),
         ('simulate --hull swath-roll --output', '--output needs a value'),
         ('identify', 'these are missing: TRIAL'),
     ],

@@ -35,8 +35,6 @@ COMMANDS = [
     'simulate --hull swath-roll --initial-angle-deg 3 --output trial.foo',
     'compare {0}/trial.csv --output {0}/trial.csv',
     'inspect {0}/trial.csv --plot {0}/trial.csv',
-    'forecast {0}/trial.csv --plot {0}/absent/a.png',
-    'forecast {0}/trial.csv --model {0}/model.yaml --plot {0}/model.yaml',
     'simulate --model {0}/model.yaml --initial-angle-deg 3 --output {0}/model.yaml',
     'play-through {0}/trial.mcap --output {0}/trial.mcap',
     'play-through {0}/bag --output {0}/bag/bag.mcap',

@@ -28,7 +28,6 @@ def test_hostile_texts_are_refused_by_the_field(name):
     'words',
     [
         'simulate --model {0}/file.yaml --initial-angle-deg 3 --output {0}/out.csv',
-        'forecast {0}/trial.csv --model {0}/file.yaml',
     ],
 )
 def test_every_verb_refuses_a_deep_file(words, tmp_path, capsys):

@@ -97,7 +97,7 @@ def test_a_model_remembers_its_mounting_and_is_rejected_with_another(tmp_path, c
     with pytest.raises(InputError, match='mounted at 15,-10,90 deg, and it is stated at 15,-10,96:'):
         check_mounting(held, Installation('flu', tuple(np.radians([15.0, -10.0, 96.0]))))
     for given, words in (((), 'without a stated mounting'), (('--mounting', '-15,10,0'), 'stated at -15,10,0')):
-        for verb in (('forecast',), ('identify', '--at-sea'), ('play-through', '--output', str(tmp_path / 'o.mcap'))):
+        for verb in (('identify', '--at-sea'), ('play-through', '--output', str(tmp_path / 'o.mcap'))):
             assert main([*verb, str(bag), '--model', model, *given]) == 2
             assert words in capsys.readouterr().err
 

@@ -6,10 +6,10 @@ from craft_at_sea import jonswap
 from records_at_sea import evenly
 from scipy import signal
 
+from swath_sysid.attitude.motion.vertical import WITHOUT_RATES, even_stretches
 from swath_sysid.attitude.prediction.sea_state import cross_spectra, sea_report, sea_state
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
-from swath_sysid.pipeline.baselines import WITHOUT_RATES, even_stretches
 from swath_sysid.report.sea_report import sea_in_words
 
 STEP, COUNT = 0.1, 12_000

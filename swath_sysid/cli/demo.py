@@ -1,4 +1,4 @@
-"""``swath-sysid demo``: forecast of a measured sea; then a simulated craft, released twice with ``swath-sysid run``."""
+"""``swath-sysid demo``: a simulated craft, released twice with ``swath-sysid run``, after what the wings show."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Column, Table
 
 import swath_sysid
 from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
@@ -26,40 +24,35 @@ from swath_sysid.attitude.hull.craft_simulator import release_angle
 from swath_sysid.attitude.identification.refit import verdict_text
 from swath_sysid.attitude.motion.intake import NANOSECOND
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.cli import forecast
-from swath_sysid.cli.main import build_parser
 from swath_sysid.cli.ros import ros_needed
 from swath_sysid.cli.run import craft_command, process_beside
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.common.processes import verb_command
+from swath_sysid.common.wings import offered
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.pipeline.demonstration import SCORED_SPAN, Demonstration, LeadForecasts, verdict_of, without_model
 from swath_sysid.pipeline.forecast_pipeline import PipelineSettings
-from swath_sysid.pipeline.scoring import FORECAST, Skill
+from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
-from swath_sysid.report.forecast_figure import demo_figure
-from swath_sysid.report.forecast_skill import cell
-from swath_sysid.share import share_folder
 
 if TYPE_CHECKING:
     from swath_sysid.nodes.demo_monitor import Received
 
 HULLS = {'roll': 'swath-roll', 'pitch': 'swath-pitch'}
-SEA_RECORD = 'records/morro_buoy.csv'
-SEA_OPTIONS = ('--leads', '0.5,1,2,3', '--warmup', '180')
 SEA, RELEASE = 'sea', 'release'
 
 TIMEOUT_S = 300.0  #: Of every wait: only a failure waits so long.
 
 
 def run(arguments: Namespace) -> int:
-    """Forecast the sea, then run the simulated release; 0 if its forecasts are as good as promised."""
-    output = Path(arguments.output)
+    """Show what wings show, then run the simulated release; 0 if its forecasts are as good as promised."""
+    output, only = Path(arguments.output), getattr(arguments, 'only', None)
     check_outputs([Output('--output', output, is_folder=True)])
-    if arguments.only == SEA:
-        _forecast_sea(output)
+    of_wings = offered('shown_in_demo')
+    if only == SEA:
+        _show(of_wings, output)
         return DONE
-    with ros_needed(f'the forecast of a measured sea needs none: --only {SEA}'):
+    with ros_needed(f'the forecast of a measured sea needs none: --only {SEA}' if of_wings else ''):
         import rclpy  # noqa: F401 - only to say what to do where it is missing
     craft = _Craft(arguments.hull, arguments.axis)
     domain = arguments.domain or random.SystemRandom().randint(1, 100)
@@ -76,39 +69,18 @@ def run(arguments: Namespace) -> int:
     # while the sea is forecast the nodes start; SIGTERM must end them too
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with _processes(craft, arguments.seed, output / 'demo.log') as processes:
-        if arguments.only != RELEASE:
-            _forecast_sea(output)
+        if only != RELEASE:
+            _show(of_wings, output)
         print(f'A simulated craft, {craft.hull}, released twice from {craft.angle_deg:g} deg, with these nodes:')
         print(f'\n    {shlex.join(["swath-sysid", *craft.run_words])}\n')
         print(f'ROS domain {domain}, this machine only; log of the nodes: {output / "demo.log"}', flush=True)
         return _release(craft, processes, output, arguments.keep_running)
 
 
-def _forecast_sea(output: Path) -> None:
-    """Forecast a measured sea with the command for users' own records."""
+def _show(of_wings: list[Callable], output: Path) -> None:
     output.mkdir(parents=True, exist_ok=True)
-    words = ['forecast', str(share_folder() / SEA_RECORD), *SEA_OPTIONS, '--plot', str(output / 'sea.png')]
-    print(
-        f'Motion of a moored buoy at sea, forecast from past samples only:\n\n    swath-sysid {shlex.join(words)}\n',
-        flush=True,
-    )
-    skill = forecast.scored(build_parser(words[0]).parse_args(words))
-    Console().print(_table_of_sea(skill))
-    print(f'{output / "sea.png"}: these forecasts beside the measured motion; the command prints every method\n')
-
-
-def _table_of_sea(skill: Skill) -> Table:
-    """The forecast beside the best of the usual ones."""
-    table = Table(
-        'error / motion (1: as bad as the mean)', *(Column(f'{lead:g} s', justify='right') for lead in skill.leads)
-    )
-    for axis, scores in skill.axes.items():
-        best = [scores.nrmse[name][k] for k, name in enumerate(scores.best)]
-        table.add_row(f'{axis}: forecast', *map(cell, scores.nrmse[FORECAST]), style='bold')
-        table.add_row(f'{axis}: best of {len(scores.nrmse) - 1} usual methods', *map(cell, best))
-        inside = (cell(100.0 * share, 0) for share in scores.coverage[:, 1])
-        table.add_row(f'{axis}: inside the 90 % interval, %', *inside, style='dim', end_section=True)
-    return table
+    for show in of_wings:
+        show(output)
 
 
 def _release(craft: _Craft, processes: Any, output: Path, keeps_running: bool) -> int:

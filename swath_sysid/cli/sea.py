@@ -3,11 +3,11 @@
 from argparse import Namespace
 
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
+from swath_sysid.attitude.motion.vertical import WITHOUT_RATES, even_stretches
 from swath_sysid.attitude.prediction.sea_state import sea_state
 from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.cli.sources import check_model_and_plot, read_record
 from swath_sysid.formats.sea_state_yaml import REMARKS, sea_as_data
-from swath_sysid.pipeline.baselines import WITHOUT_RATES, even_stretches
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_summary import warnings_as_data
 from swath_sysid.report.sea_report import sea_figure, sea_in_words

@@ -33,6 +33,7 @@ class Wing:
     warm_up: str = ''  #: Runs what takes long to load and to compile.
     plays_bag: str = ''  #: Takes the arguments of ``play-through``; see `manoeuvring.cli.play_bag`.
     tables_of_fit: str = ''  #: Takes the arguments of ``identify``; returns what makes tables of the result.
+    shown_in_demo: str = ''  #: Takes a folder; prints what ``demo`` shows before its release, with its pictures there.
     trials_shown: str = ''  #: Takes a manifest; returns the rows and the sentences that the page shows.
 
 

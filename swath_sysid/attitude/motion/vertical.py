@@ -1,15 +1,21 @@
 """Vertical motion from an IMU: acceleration in the world, and heave and vertical velocity about their means."""
 
+from collections.abc import Sequence
 from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 from scipy import fft
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, Value, up_in_body
+from swath_sysid.attitude.motion.trial import CHANNELS, Trial
+from swath_sysid.common.errors import InputError
 
 BAND_HZ = (0.04, 1.5)  #: Of heave and vertical velocity: slower motion drowns in the drift of twice integrated noise.
 EDGE = 30.0  #: s at either end of a stretch where its zero-phase integrals are not valid.
 ACCELERATION, VELOCITY, HEAVE = range(3)  #: How often the vertical acceleration is integrated.
+_BRIDGED = 1.0  #: s; a shorter gap is bridged linearly, a longer one ends a stretch.
+WITHOUT_RATES = ('roll', 'pitch', 'accel_x', 'accel_y', 'accel_z')
 _LEAKS = ((1.5,), (4.0,), (12.0,), (3.0, 3.0), (4.0, 6.0))  #: s; chained time constants.
 
 
@@ -73,3 +79,43 @@ class LeakyIntegrals:
 def _leaky_sum(values: np.ndarray, kept: float) -> np.ndarray:
     """As scipy.signal.lfilter([1], [1, -kept], values), which takes 20 MB to load."""
     return np.array([*accumulate(values.tolist(), lambda before, new: kept * before + new)])
+
+
+class Stretch(NamedTuple):
+    """A part of a record without long gaps, at even steps of the sensor's interval."""
+
+    time: np.ndarray  #: (N,); s.
+    step: float  #: s.
+    channels: dict[str, np.ndarray]  #: dict of str to (N,)
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """Vertical, m/s^2, shape (N,)."""
+        roll, pitch, *force = (self.channels[name] for name in WITHOUT_RATES)
+        return vertical_acceleration(roll, pitch, np.stack(force, axis=1))
+
+
+def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretch]:
+    """The stretches of a record in which all of some channels were measured, at even steps."""
+    name = trial.source or 'the record'
+    absent = [channel for channel in names if channel not in trial.channels]
+    if absent:
+        unused = ' (a measured heave is not used)' if 'heave' in trial.channels else ''
+        raise InputError(
+            f'{name} holds no {absent[0]}: vertical motion needs {", ".join(names)}{unused}, so record the '
+            'accelerations and the attitude of the same IMU'
+        )
+    complete = np.isfinite([trial.channels[channel] for channel in names]).all(axis=0)
+    time = trial.time[complete]
+    if time.size < 2:
+        raise InputError(f'{name} holds no two samples with all of {", ".join(names)}: check the sensor')
+    step = float(np.median(np.diff(time)))
+    parts = np.split(np.arange(time.size), np.flatnonzero(np.diff(time) > max(_BRIDGED, 1.5 * step)) + 1)
+    stretches = []
+    for part in parts:
+        begin, end = time[part[[0, -1]]]
+        # of the same interval as the samples, which are near their places
+        grid = np.linspace(begin, end, round((end - begin) / step) + 1)
+        even = {channel: np.interp(grid, time[part], trial.channels[channel][complete][part]) for channel in names}
+        stretches.append(Stretch(grid, float((end - begin) / max(grid.size - 1, 1)), even))
+    return stretches

@@ -18,8 +18,8 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliabi
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import CONFIDENCE, TWO_STD
 from swath_sysid.common.errors import InputError
-from swath_sysid.pipeline.baselines import BASELINES, Record, baseline_forecasts, simple_forecasts, vertical_record
-from swath_sysid.pipeline.decisions import DecisionSkill, score_decisions
+from swath_sysid.evaluation.baselines import BASELINES, Record, baseline_forecasts, simple_forecasts, vertical_record
+from swath_sysid.evaluation.decisions import DecisionSkill, score_decisions
 from swath_sysid.pipeline.record_run import Run
 
 FORECAST = 'forecast'

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
-from swath_sysid.pipeline.baselines import (
+from swath_sysid.evaluation.baselines import (
     BASELINES,
     EVEN,
     REFIT_INTERVAL,

@@ -8,7 +8,7 @@ import pytest
 from repository import ROOT
 
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.pipeline.baselines import Record
+from swath_sysid.evaluation.baselines import Record
 
 LEADS = np.array((0.1, 0.5, 1.2))
 

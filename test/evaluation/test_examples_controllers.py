@@ -3,12 +3,12 @@
 import importlib
 import os
 import sys
-from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 import pytest
 import yaml
+from repository import ROOT
 from scipy.stats import norm
 
 from swath_sysid.formats.reading import read_trial
@@ -17,7 +17,7 @@ from swath_sysid.share import share_folder
 
 @pytest.fixture(scope='module', autouse=True)
 def path_to_examples():
-    with patch.object(sys, 'path', [str(Path(__file__).resolve().parents[1] / 'examples'), *sys.path]):
+    with patch.object(sys, 'path', [str(ROOT / 'examples'), *sys.path]):
         yield
 
 

@@ -15,11 +15,11 @@ from swath_sysid.attitude.prediction.point import Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
+from swath_sysid.evaluation.report.forecast_skill import skill_as_data
+from swath_sysid.evaluation.scoring import METHODS, SENSOR, resampled, score, usual_limits, usual_warmup
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import Issued, Run, run_through
-from swath_sysid.pipeline.scoring import METHODS, SENSOR, resampled, score, usual_limits, usual_warmup
-from swath_sysid.report.forecast_skill import skill_as_data
 
 LEADS = (0.1, 1.0)
 PAST = 25.0  # periods, of some 3 s
@@ -301,3 +301,15 @@ def test_impossible_points_are_refused(swell_file, points, words, tmp_path, caps
     write_csv(tmp_path / 'angles.csv', Trial(trial.time, trial.roll, trial.pitch))
     assert main(['forecast', str(tmp_path / 'angles.csv'), '--point', 'bow:1,0,0']) == 2
     assert 'holds no' in capsys.readouterr().err
+
+
+@pytest.mark.release
+def test_the_error_at_the_valid_lead_is_the_limit():
+    settings, waves = ForecasterSettings(leads=(1.0,), horizon=8.0, forecast_rate=5.0, window=40.0), sea(300.0)
+    skill = score(waves, run_through(waves, settings, {}), (1.0,), 120.0, 40.0)
+    for axis, scores in skill.axes.items():
+        found = scores.valid_lead
+        assert found.counted > 400 and found.error_over_expected == pytest.approx(1.0, abs=0.2), axis
+        assert 0.0 < found.lead[1] <= found.lead[0] <= found.lead[2] <= 8.0
+        # the models' own expectation is near what came, and was not made to agree
+        assert scores.expected == pytest.approx(scores.nrmse['forecast'], rel=0.3)

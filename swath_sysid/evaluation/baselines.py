@@ -3,19 +3,20 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from scipy.constants import day
 from scipy.signal import welch
 
-from swath_sysid.attitude.motion.trial import AXES, CHANNELS, Trial
+from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.motion.vertical import (
     ACCELERATION,
     EDGE,
     HEAVE,
     VELOCITY,
-    vertical_acceleration,
+    Stretch,
+    even_stretches,
     zero_phase_integral,
 )
 from swath_sysid.attitude.prediction.point import Point, point_motion
@@ -276,49 +277,7 @@ def _ahead(constant: np.ndarray, coefficients: np.ndarray, targets: Sequence[int
     return (1.0 - share) * constant_of[below] + share * constant_of[above], matrix
 
 
-_BRIDGED = 1.0  #: s; a shorter gap is bridged linearly, a longer one ends a stretch.
 _WITH_RATES = ('heave', 'heave_rate', 'vertical_velocity', 'vertical_velocity_rate', 'vertical_acceleration')
-WITHOUT_RATES = ('roll', 'pitch', 'accel_x', 'accel_y', 'accel_z')
-
-
-class Stretch(NamedTuple):
-    """A part of a record without long gaps, at even steps of the sensor's interval."""
-
-    time: np.ndarray  #: (N,); s.
-    step: float  #: s.
-    channels: dict[str, np.ndarray]  #: dict of str to (N,)
-
-    @property
-    def acceleration(self) -> np.ndarray:
-        """Vertical, m/s^2, shape (N,)."""
-        roll, pitch, *force = (self.channels[name] for name in WITHOUT_RATES)
-        return vertical_acceleration(roll, pitch, np.stack(force, axis=1))
-
-
-def even_stretches(trial: Trial, names: Sequence[str] = CHANNELS) -> list[Stretch]:
-    """The stretches of a record in which all of some channels were measured, at even steps."""
-    name = trial.source or 'the record'
-    absent = [channel for channel in names if channel not in trial.channels]
-    if absent:
-        unused = ' (a measured heave is not used)' if 'heave' in trial.channels else ''
-        raise InputError(
-            f'{name} holds no {absent[0]}: vertical motion needs {", ".join(names)}{unused}, so record the '
-            'accelerations and the attitude of the same IMU'
-        )
-    complete = np.isfinite([trial.channels[channel] for channel in names]).all(axis=0)
-    time = trial.time[complete]
-    if time.size < 2:
-        raise InputError(f'{name} holds no two samples with all of {", ".join(names)}: check the sensor')
-    step = float(np.median(np.diff(time)))
-    parts = np.split(np.arange(time.size), np.flatnonzero(np.diff(time) > max(_BRIDGED, 1.5 * step)) + 1)
-    stretches = []
-    for part in parts:
-        begin, end = time[part[[0, -1]]]
-        # of the same interval as the samples, which are near their places
-        grid = np.linspace(begin, end, round((end - begin) / step) + 1)
-        even = {channel: np.interp(grid, time[part], trial.channels[channel][complete][part]) for channel in names}
-        stretches.append(Stretch(grid, float((end - begin) / max(grid.size - 1, 1)), even))
-    return stretches
 
 
 def vertical_record(trial: Trial, points: Sequence[Point]) -> Record:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES
+from swath_sysid.attitude.motion.vertical import even_stretches
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.outlook import ErrorLimit
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point
@@ -19,14 +20,20 @@ from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import check_model_and_plot, columns_of, read_models, read_record
 from swath_sysid.common.errors import InputError
+from swath_sysid.evaluation import scoring
+from swath_sysid.evaluation.report.forecast_figure import forecast_figure
+from swath_sysid.evaluation.report.forecast_skill import (
+    LABELS,
+    POINT_UNITS,
+    cell,
+    conclusion_of,
+    methods_of,
+    skill_as_data,
+)
 from swath_sysid.formats.upstream_channels import read_upstream
-from swath_sysid.pipeline import scoring
-from swath_sysid.pipeline.baselines import even_stretches
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_summary import short_name
-from swath_sysid.report.forecast_figure import forecast_figure
-from swath_sysid.report.forecast_skill import LABELS, POINT_UNITS, cell, conclusion_of, methods_of, skill_as_data
 
 
 def run(arguments: Namespace) -> int:

@@ -8,9 +8,10 @@ from records_at_sea import only
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.motion.vertical import even_stretches
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.common.errors import InputError
-from swath_sysid.pipeline.baselines import even_stretches, vertical_record
+from swath_sysid.evaluation.baselines import vertical_record
 
 POINTS = Point('sensor', (0.0, 0.0, 0.0)), Point('bow', (2.5, -0.5, 1.0))
 HEAVE, PITCH = (0.8, 2.0 * np.pi * 0.1), (0.06, 2.0 * np.pi * 0.17)

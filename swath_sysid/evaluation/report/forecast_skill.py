@@ -11,7 +11,7 @@ from swath_sysid.attitude.prediction.forecast import LEVELS
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.common.conventions import CONFIDENCE
 from swath_sysid.common.plain import finite_or_none
-from swath_sysid.pipeline.scoring import AFTER_GAP, QuantitySkill, Skill
+from swath_sysid.evaluation.scoring import AFTER_GAP, QuantitySkill, Skill
 from swath_sysid.report.fit_summary import warnings_as_data
 
 POINT_UNITS = {'heave': 'm', 'vertical_velocity': 'm_s', 'vertical_acceleration': 'm_s2'}

@@ -9,7 +9,7 @@ import pytest
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.quiescence import CalmWindow, QuiescenceLimits
-from swath_sysid.pipeline.decisions import (
+from swath_sysid.evaluation.decisions import (
     CALM_NOW,
     CLIMATOLOGY,
     FORECAST,

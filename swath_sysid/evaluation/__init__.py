@@ -1,0 +1,1 @@
+"""Forecasts compared: scores, baselines, decisions, and how they are shown; a wing, which the core can do without."""

@@ -1,0 +1,1 @@
+"""Its verb, and what it adds to those of the core."""
