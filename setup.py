@@ -69,11 +69,9 @@ setup(
     package_data={
         NAME: [
             'py.typed',
-            *(f'{room}/*.yaml' for room in ('cli', 'common', 'formats', 'nodes/parameters', 'page')),
-            *(
-                f'{room}/*.yaml'
-                for room in ('evaluation', 'tank', 'tank/campaign', 'tank/papers', 'manoeuvring', 'manoeuvring/paper')
-            ),
+            *(f'{room}/*.yaml' for room in ('cli', 'common', 'formats', 'nodes/parameters')),
+            *(f'{wing}/*.yaml' for wing in ('evaluation', 'page', 'tank', 'manoeuvring')),
+            *(f'{room}/*.yaml' for room in ('tank/campaign', 'tank/papers', 'manoeuvring/paper')),
             'manoeuvring/formats/export/*.txt',
             'report/*.css',
         ]

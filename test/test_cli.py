@@ -23,6 +23,7 @@ from swath_sysid.cli.flags import table_of_verbs
 from swath_sysid.cli.main import VERBS, build_parser, main, module_of
 from swath_sysid.cli.progress import progress_of
 from swath_sysid.common.advice import FLAGS, with_flags
+from swath_sysid.common.wings import wings
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.model_file import read_model
 from swath_sysid.formats.reading import read_trial
@@ -336,7 +337,7 @@ def test_run_lists_every_topic_and_service_of_the_policy_with_its_type(capsys):
     expected = {
         (profile.get('node'), item.text.replace('~', profile.get('node')))
         for profile in policy.iter('profile')
-        if profile.get('node') in (*NODES, 'page')
+        if profile.get('node') in (*NODES, *(each for wing in wings() for each in wing.other_nodes))
         for item in profile.iter()
         if item.tag in ('topic', 'service') and not any(part in item.text for part in of_ros)
     }

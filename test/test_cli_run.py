@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from package_process import environment
 
-from swath_sysid.cli import page, run
+from swath_sysid.cli import run
 from swath_sysid.cli.flags import add_arguments
 from swath_sysid.cli.main import VERBS, main
 from swath_sysid.cli.progress import progress_of
@@ -58,7 +58,6 @@ def test_what_is_asked_for_is_handed_on_and_nothing_else(tmp_path, monkeypatch):
         ('--simulate swath-roll --sea -1', 'cannot be -1'),
         ('--simulate swath-roll --use-sim-time', 'leave out --use-sim-time'),
         ('--sea 0.3', 'add --simulate'),
-        ('--port 8090', 'add --page'),
         ('--simulate hydrofoil', "no hull 'hydrofoil': choose from swath-pitch"),
     ],
 )
@@ -69,22 +68,14 @@ def test_what_cannot_be_simulated_is_refused_before_anything_starts(words, sente
     assert sentence in told and 'Traceback' not in told
 
 
-def test_the_simulated_craft_and_the_page_beside_the_nodes_hear_the_same_names(monkeypatch):
+def test_the_simulated_craft_beside_the_nodes_hears_the_same_names():
     words = '--simulate swath-pitch --sea 0.3 --namespace craft --imu-topic /sensor/imu'
-    (command,) = run.processes_beside(parsed(*words.split()))
+    command = run.simulator_command(parsed(*words.split()))
     given = '-p hull:=swath-pitch -p sea_deg:=0.3 -r __ns:=/craft -r imu/data:=/sensor/imu'
     assert command[-len(given.split()) :] == given.split()
-    monkeypatch.setattr('swath_sysid.page.server.check_installed', lambda: None)
-    command = run.page_command(parsed('--page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu'))
-    assert command[4:] == ['page', '--namespace', '/craft/', '--imu-topic', '/sensor/imu']
-    assert run.page_command(parsed('--page', '--simulate', 'swath-pitch'))[-2:] == ['--axis', 'pitch']
-    assert run.page_command(parsed('--page', '--port', '0'))[4:] == ['page', '--port', '0']
 
 
-def test_without_ros_or_the_extra_of_the_page_it_says_what_to_install(monkeypatch):
-    monkeypatch.setattr('swath_sysid.page.server.ui', None)
-    with pytest.raises(InputError, match=re.escape('pip install "swath_sysid[page]"')):
-        page.run(argparse.Namespace())
+def test_without_ros_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, 'rclpy', None)
     with pytest.raises(InputError, match=re.escape('pip install "swath_sysid[ros]", or source a ROS 2')):
         run.run(parsed())
@@ -155,11 +146,6 @@ def test_what_is_nearly_a_node_a_parameter_or_a_name_is_rejected_with_what_was_m
         with pytest.raises(InputError, match=sentence):
             run.ros_arguments(parsed(*words))
     assert run.ros_arguments(parsed('--imu-topic', '~/imu', '--ros-args', '-p', 'mounting_deg:=[15,-10,90]'))
-
-
-def test_whoever_comes_from_elsewhere_is_asked_for_a_token():
-    for host, given, length in (('localhost', '', 0), ('localhost', 'mine', 4), ('0.0.0.0', '', 16)):
-        assert len(page.token_for(host, given)) == length
 
 
 @pytest.mark.parametrize(('given', 'threads'), [({}, '1'), ({'OMP_NUM_THREADS': '2'}, '2')])

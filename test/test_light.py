@@ -59,7 +59,6 @@ def test_a_node_loads_no_more_of_the_core_than_it_runs(node, foreign):
 def test_filterpy_is_loaded_by_what_forecasts_and_by_nothing_else():
     for module in ('attitude.prediction.sea_fit', 'attitude.identification.refit'):
         assert 'filterpy' not in loaded_by(f'swath_sysid.{module} as work; work.warm_up()')
-    assert 'filterpy' not in loaded_by('swath_sysid.cli.page, swath_sysid.page.live_view')
     loaded = loaded_by('swath_sysid.pipeline.forecast_pipeline as work; work.warm_up()')
     assert 'filterpy' in loaded and 'scipy.stats' not in loaded
 

@@ -16,7 +16,6 @@ from swath_sysid.formats.bag_replay import ReplaySettings  # noqa: E402
 from swath_sysid.formats.output_bag import Recording, offered_qos, writing_bag  # noqa: E402
 from swath_sysid.formats.topics import FRAMES_TOPIC, STATIC_FRAMES, TYPES  # noqa: E402
 from swath_sysid.nodes.demo_monitor import Listener  # noqa: E402
-from swath_sysid.nodes.page_node import ASKED, PageNode  # noqa: E402
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, NODES  # noqa: E402
 from swath_sysid.nodes.qos import message_class  # noqa: E402
 from swath_sysid.nodes.record import Record  # noqa: E402
@@ -86,7 +85,7 @@ def test_the_policy_has_the_form_that_sros2_reads_and_a_profile_of_all_that_we_s
     found = policy()
     assert found.tag == 'policy' and found.attrib == {'version': '0.2.0'}
     profiles = found.findall("enclaves/enclave[@path='/swath_sysid']/profiles/profile")
-    assert [profile.get('node') for profile in profiles] == [*NODES, *STARTED]
+    assert [profile.get('node') for profile in profiles] == [*NODES, 'page', *STARTED]
 
 
 @pytest.mark.long
@@ -106,15 +105,6 @@ def test_the_policy_allows_what_a_node_does_and_no_more(node, watcher):
     assert done(watcher, node) == expected
 
 
-def page(folder):
-    node = PageNode(lambda line: None)
-    node._requests.get_parameters('predictor', ASKED, lambda *found: None)
-    for button in ('identify', 'cancel', 'rollback', 'undo_rollback', 'push', 'accept'):
-        node.press(button)
-    node._requests.carry_out()
-    return node
-
-
 def replay(folder):
     """Of a bag that holds all that a recorder may record."""
     with writing_bag(folder / 'all.mcap') as write:
@@ -124,7 +114,6 @@ def replay(folder):
 
 
 STARTED = {
-    'page': page,
     'record': lambda folder: Record(Recording(folder / 'all.mcap')),
     'replay': replay,
     'demo': lambda folder: Listener('roll', ForecasterSettings().leads),
@@ -134,10 +123,14 @@ STARTED = {
 @pytest.mark.long
 @pytest.mark.parametrize('node', STARTED)
 def test_the_policy_allows_what_other_processes_of_ours_do_and_no_more(node, watcher, tmp_path):
+    assert_does_what_is_allowed(node, STARTED[node], watcher, tmp_path)
+
+
+def assert_does_what_is_allowed(node, started, watcher, folder):
     expected = allowed(profile_of(node))
     expected['subscribe'].discard(FRAMES_TOPIC)
     rclpy.init(args=['--ros-args', '-p', 'use_sim_time:=true'] if node == 'record' else [])
-    spinning = Spinning(STARTED[node](tmp_path))
+    spinning = Spinning(started(folder))
     try:
         wait_for(lambda: done(watcher, node) == expected, f'what the policy allows {node}')
     except AssertionError:

@@ -64,6 +64,8 @@ ABOVE = {room: INNER_ORDER[:level] for level, room in enumerate(INNER_ORDER)}
 #: of a wing; the rest of it is pure and names no flag
 SHOWING_ROOMS = ('report', 'nodes', 'cli')
 PURE_ROOMS = {'common', 'pipeline', *WINGS, *(f'{one}/{room}' for one in ('attitude', *WINGS) for room in INNER_ORDER)}
+SCREENS = {'page'}  #: wings whose own modules show, too
+PURE_ROOMS -= SCREENS
 OF_OTHER_COMMANDS = {'registry.py': 'rosbags-convert', 'manifest.py': 'the comment above a new manifest'}
 BASE = {'common', 'share'}
 CORE = BASE | {f'attitude/{room}' for room in INNER_ORDER} | {'pipeline'}
@@ -75,15 +77,14 @@ MAY_IMPORT = {
     'pipeline': CORE,
     'formats': CORE,
     'report': CORE | {'formats'},
-    'page': CORE | {'formats', 'report'},
-    'nodes': CORE | {'formats', 'page'},
-    'cli': CORE | {'formats', 'report', 'page', 'nodes'},
+    'nodes': CORE | {'formats'},
+    'cli': CORE | {'formats', 'report', 'nodes'},
 }
 for _wing in WINGS:
     _found = {path.name for path in (PACKAGE / _wing).iterdir() if path.is_dir() and path.name != '__pycache__'}
     _own = sorted(_found - {*INNER_ORDER, *MAY_IMPORT})
     _order = [*INNER_ORDER, 'formats', *_own, *SHOWING_ROOMS]
-    MAY_IMPORT[_wing] = CORE | {'formats', f'{_wing}/formats'}
+    MAY_IMPORT[_wing] = CORE | {'formats', f'{_wing}/formats'} | ({'report'} if _wing in SCREENS else set())
     for _level, _room in enumerate(_order):
         _of_core = BASE | {'pipeline'} if _room in ABOVE else MAY_IMPORT.get(_room, CORE | {'formats'}) | {_room}
         MAY_IMPORT[f'{_wing}/{_room}'] = _of_core | {_wing, *(f'{_wing}/{above}' for above in _order[:_level])}
@@ -230,7 +231,12 @@ def test_the_core_is_pure():
 
 def names_no_flag(room):
     first, _, inner = room.partition('/')
-    return first in ('common', 'attitude', 'pipeline', 'formats') or first in WINGS and inner not in SHOWING_ROOMS
+    return (
+        first in ('common', 'attitude', 'pipeline', 'formats')
+        or room not in SCREENS
+        and first in WINGS
+        and inner not in SHOWING_ROOMS
+    )
 
 
 def test_flags_of_the_command_line_stay_there():

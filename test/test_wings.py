@@ -7,8 +7,6 @@ import runpy
 import shutil
 import subprocess
 import sys
-from contextlib import nullcontext
-from types import SimpleNamespace
 
 import pytest
 from repository import ROOT
@@ -18,10 +16,8 @@ import swath_sysid
 from swath_sysid.cli.flags import SHARED, table_of_verbs
 from swath_sysid.cli.main import VERBS, module_of
 from swath_sysid.common.advice import SENTENCES
-from swath_sysid.common.wings import named, wings, yaml_table
+from swath_sysid.common.wings import named, offered, wings, yaml_table
 from swath_sysid.nodes.parameters.table import defaults, node_module, table_of
-from swath_sysid.page.live_record import LiveRecord
-from swath_sysid.page.state import PageState
 
 WINGS = {wing.name: wing for wing in wings()}
 OF_CORE = yaml_table(PACKAGE / 'cli' / 'flags.yaml')
@@ -127,10 +123,7 @@ def test_a_folder_with_a_wing_is_handed_in_everywhere(stand_in, measured, monkey
     assert swath(played) == 0 and '2 counted' in capsys.readouterr().err
     assert swath(['identify', str(measured / 'trial.csv'), '--equation', 'linear', '--force', '--json']) == 0
     assert json.loads(capsys.readouterr().out)['counts'] == [{'what': 'terms', 'n': 2}]
-    source = SimpleNamespace(lock=nullcontext(), record=LiveRecord(), description='', sensor='')
-    page = PageState(source, tmp_path, manifest='a.yaml')
-    page.refresh()
-    assert (page.view.trials, page.view.missing) == ([{'file': 'a.yaml'}], ['b is missing'])
+    assert [shows('a.yaml') for shows in offered('trials_shown')] == [([{'file': 'a.yaml'}], ['b is missing'])]
 
 
 #: what asks for that which wings hand in, or looks through the whole checkout

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 
 import pytest
 from package_process import environment, wait_for
-from repository import ROOT
+from repository import ABSENT, ROOT
 
 #: As the console script, and then what children of every kind do.
 COMMAND = 'import sys\nfrom swath_sysid.start import command_line\n'
@@ -88,7 +88,7 @@ def test_an_empty_entry_of_pythonpath_is_left_out_and_others_stay(tmp_path):
 def test_nodes_the_craft_and_the_page_import_nothing_from_the_working_folder(trap):
     pytest.importorskip('rclpy')
     log = trap.parent / 'log'
-    page = ('--page', '--port', '0') if find_spec('nicegui') else ()
+    page = ('--page', '--port', '0') if find_spec('nicegui') and not ABSENT else ()
     words = ('run', '--simulate', 'swath-roll', *page)
     with open(log, 'w') as text:
         nodes = subprocess.Popen(

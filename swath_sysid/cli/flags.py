@@ -22,17 +22,22 @@ CORES = os.cpu_count()  #: A default in the table.
 def table_of_verbs() -> dict[str, dict[str, Any]]:
     """What the tables say, by verb, of the core and of the wings; what verbs share is under ``shared``."""
     core = yaml_table(Path(__file__).with_suffix('.yaml'))
-    of_wings: dict[str, dict[str, Any]] = {}
-    for wing, table in tables_of_wings('flags.yaml'):
-        core[SHARED] |= table.pop(SHARED, {})
-        for verb, entry in table.items():
-            if verb in core:
-                core[verb]['flags'] |= entry['flags']
-            else:
-                of_wings[verb] = {**entry, 'room': f'{wing.name}.cli'}
+    tables = [(wing, table.pop(SHARED, {}), table) for wing, table in tables_of_wings('flags.yaml')]
+    of_wings = {
+        verb: {**entry, 'room': f'{wing.name}.cli'}
+        for wing, _, table in tables
+        for verb, entry in table.items()
+        if 'summary' in entry
+    }
     place = list(core).index(WINGS)
     core.pop(WINGS)
-    return dict([*list(core.items())[:place], *of_wings.items(), *list(core.items())[place:]])
+    verbs = dict([*list(core.items())[:place], *of_wings.items(), *list(core.items())[place:]])
+    for _, shared, table in tables:
+        verbs[SHARED] |= shared
+        for verb, entry in table.items():
+            if verb in verbs and 'summary' not in entry:  # else one of its own, or of an absent wing
+                verbs[verb]['flags'] |= entry['flags']
+    return verbs
 
 
 def examples_of(verb: str) -> str:

@@ -5,10 +5,9 @@ import os
 import re
 import subprocess
 import sys
-import threading
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -16,9 +15,9 @@ from typing import Any
 from xml.etree import ElementTree
 
 from swath_sysid.cli.ros import ros_needed
-from swath_sysid.common.errors import NOTHING_DONE, InputError
-from swath_sysid.common.processes import end_with_parent, ended, module_command, verb_command
-from swath_sysid.common.wings import handed_in, named, wings
+from swath_sysid.common.errors import InputError
+from swath_sysid.common.processes import end_with_parent, ended, module_command
+from swath_sysid.common.wings import handed_in, named, offered, wings
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.outputs import Output, check_outputs
 from swath_sysid.formats.schema import plain_content
@@ -39,7 +38,6 @@ OTHER_TYPES = {
     **handed_in('other_types'),
 }
 DIRECTIONS = {'publish': 'publishes', 'subscribe': 'subscribes to', 'reply': 'serves', 'request': 'calls'}
-LOOK_S = 0.2  #: Between looks whether the page still runs.
 SEA_MEMORY = 'sea_memory'  #: The predictor's parameter; with --model, a file beside the model.
 MODEL_PARAMETERS = {'identifier': 'model_path', **handed_in('model_parameters')}
 OPEN_TO_THE_SUBNET = (
@@ -50,12 +48,13 @@ OPEN_TO_THE_SUBNET = (
 def interface_lines() -> Iterator[str]:
     """A line for each topic and service of each node, without those that every ROS node has."""
     policy = ElementTree.parse(share_folder() / 'config' / 'sros2_policy.xml')
+    nodes = {*NODES, *(each for wing in wings() for each in wing.other_nodes)}
     for profile in policy.iter('profile'):
         node = profile.get('node', '')
         for group in (*profile.iter('topics'), *profile.iter('services')):
             (does,) = (words for key, words in DIRECTIONS.items() if group.get(key))
             for name in (str(item.text) for item in group):
-                if (kind := _type_of(name)) and node in (*NODES, 'page'):
+                if (kind := _type_of(name)) and node in nodes:
                     yield f'{node:<22} {does:<14} {name.replace("~", node):<36} {kind}'
 
 
@@ -81,50 +80,39 @@ def run(arguments: Namespace) -> int:
     if not os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
         print(f'swath-sysid run: {OPEN_TO_THE_SUBNET}', file=sys.stderr, flush=True)
     with ExitStack() as beside:
-        for command in processes_beside(arguments):
-            beside.enter_context(watched_beside(command) if 'page' in command else process_beside(command))
+        for each in processes_beside(arguments):
+            beside.enter_context(each)
         return run_nodes(program.PLAN, ['swath-sysid', '--ros-args', *given])
 
 
-def processes_beside(arguments: Namespace) -> list[list[str]]:
-    """The commands of the simulated craft and of the page: processes of their own, which cost the nodes no sample."""
-    commands = []
-    if arguments.simulate:
-        from swath_sysid.attitude.hull.catalogue import hull_named  # the nodes alone need no hull
-        from swath_sysid.nodes.parameters.settings import craft_settings
+def processes_beside(arguments: Namespace) -> list[AbstractContextManager]:
+    """The simulated craft and what wings run: processes of their own, which cost the nodes no sample."""
+    command = simulator_command(arguments)
+    of_wings = [each for offer in offered('runs_beside') for each in offer(arguments)]
+    return [*([process_beside(command)] if command else ()), *of_wings]
 
-        if arguments.use_sim_time:
-            raise InputError('the simulated craft keeps the time of this machine: leave out --use-sim-time')
-        hull_named(arguments.simulate)
-        values = {'hull': arguments.simulate, 'sea_deg': arguments.sea}
-        craft_settings(defaults('simulated_craft') | values)
-        commands.append([*craft_command(**values), *remappings(arguments)])
-    elif arguments.sea:
-        raise InputError('--sea is the sea of a simulated craft: add --simulate and a hull')
-    if arguments.page:
-        commands.append(page_command(arguments))
-    elif arguments.port is not None:
-        raise InputError('--port is the port of the page: add --page')
-    return commands
+
+def simulator_command(arguments: Namespace) -> list[str]:
+    """The command of the simulated craft; empty where none is asked for."""
+    if not arguments.simulate:
+        if arguments.sea:
+            raise InputError('--sea is the sea of a simulated craft: add --simulate and a hull')
+        return []
+    from swath_sysid.attitude.hull.catalogue import hull_named  # the nodes alone need no hull
+    from swath_sysid.nodes.parameters.settings import craft_settings
+
+    if arguments.use_sim_time:
+        raise InputError('the simulated craft keeps the time of this machine: leave out --use-sim-time')
+    hull_named(arguments.simulate)
+    values = {'hull': arguments.simulate, 'sea_deg': arguments.sea}
+    craft_settings(defaults('simulated_craft') | values)
+    return [*craft_command(**values), *remappings(arguments)]
 
 
 def craft_command(**parameters: Any) -> list[str]:
     """The process of a simulated craft with some parameters of its node."""
     given = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
     return module_command('swath_sysid.nodes', 'simulated_craft', '--ros-args', *given)
-
-
-def page_command(arguments: Namespace) -> list[str]:
-    """The page as a process of its own."""
-    from swath_sysid.page.server import check_installed
-
-    check_installed()
-    from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS
-
-    axis = PUBLISHED_HULLS[arguments.simulate].axis if arguments.simulate else None
-    named = {'namespace': arguments.namespace, 'imu-topic': arguments.imu_topic, 'port': arguments.port, 'axis': axis}
-    given = {f'--{option}': str(value) for option, value in named.items() if value is not None}
-    return verb_command('page', *(word for pair in given.items() for word in pair))
 
 
 @contextmanager
@@ -137,33 +125,6 @@ def process_beside(command: list[str], **options: Any) -> Iterator[subprocess.Po
         # unlike SIGINT, this also ends without a word a process that is still importing
         process.terminate()
         ended(process)
-
-
-@contextmanager
-def watched_beside(command: list[str]) -> Iterator[None]:
-    """Run the page while the block runs; where it ends by itself, that is reported, and it is started again once."""
-    stopping = threading.Event()
-
-    def watch() -> None:
-        for what_next in ('it is started again', 'start it again with swath-sysid page'):
-            with process_beside(command) as page:
-                while page.poll() is None:
-                    if stopping.wait(LOOK_S):
-                        return
-            # exit code 2: the page has printed why it cannot start
-            if page.returncode == NOTHING_DONE:
-                return
-            said = f'swath-sysid run: the page has ended with code {page.returncode}, the nodes go on: {what_next}'
-            print(said, file=sys.stderr, flush=True)
-
-    # which ends after the page: on Linux a process is ended with the thread that started it
-    watching = threading.Thread(target=watch)
-    watching.start()
-    try:
-        yield
-    finally:
-        stopping.set()
-        watching.join()
 
 
 def ros_arguments(arguments: Namespace) -> list[str]:

@@ -3,7 +3,7 @@
 The core names no wing: one that is deleted is missed by nobody but its users.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -25,6 +25,7 @@ class Wing:
     name: str  #: Its folder.
     order: int  #: Among the wings, where their verbs and nodes are listed.
     nodes: Mapping[str, str] = field(default_factory=dict)  #: Name of a node to its module.
+    other_nodes: Sequence[str] = ()  #: Those that its verbs start, as ``config/sros2_policy.xml`` names them.
     topics: Mapping[str, str] = field(default_factory=dict)  #: Published topics, or how their names begin, to types.
     other_types: Mapping[str, str] = field(default_factory=dict)  #: Types of subscribed topics and services.
     model_parameters: Mapping[str, str] = field(default_factory=dict)  #: Node to its parameter that names a model file.
@@ -33,6 +34,7 @@ class Wing:
     warm_up: str = ''  #: Runs what takes long to load and to compile.
     plays_bag: str = ''  #: Takes the arguments of ``play-through``; see `manoeuvring.cli.play_bag`.
     tables_of_fit: str = ''  #: Takes the arguments of ``identify``; returns what makes tables of the result.
+    runs_beside: str = ''  #: Takes the arguments of ``run``; returns the contexts of what runs beside its nodes.
     shown_in_demo: str = ''  #: Takes a folder; prints what ``demo`` shows before its release, with its pictures there.
     trials_shown: str = ''  #: Takes a manifest; returns the rows and the sentences that the page shows.
 

@@ -21,7 +21,7 @@ def run(arguments: Namespace) -> int:
     with ros_needed():
         from swath_sysid.nodes.executor_loop import events_executor
         from swath_sysid.nodes.executor_loop import run as run_nodes
-        from swath_sysid.nodes.page_node import PageNode
+        from swath_sysid.page.nodes.page_node import PageNode
     from swath_sysid.page.state import PageState
 
     folder = Path(arguments.output)

@@ -30,8 +30,8 @@ from test_page_bring_up import turned_over  # noqa: E402
 from swath_sysid.attitude.prediction.sea_state import SeaReport  # noqa: E402
 from swath_sysid.formats.bags import is_bag  # noqa: E402
 from swath_sysid.formats.sea_state_yaml import sea_as_yaml  # noqa: E402
-from swath_sysid.nodes.page_node import PageNode  # noqa: E402
 from swath_sysid.page.bring_up import JUDGE, KEPT  # noqa: E402
+from swath_sysid.page.nodes.page_node import PageNode  # noqa: E402
 from swath_sysid.page.state import PageState  # noqa: E402
 
 pytestmark = pytest.mark.dds

@@ -20,9 +20,9 @@ from package_process import wait_for  # noqa: E402
 from tank_side import TankSide  # noqa: E402
 from test_page_bring_up import REST_S  # noqa: E402
 
-from swath_sysid.cli.page import origin_of, token_for  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml  # noqa: E402
+from swath_sysid.page.cli.page import origin_of, token_for  # noqa: E402
 from swath_sysid.page.live_record import horizon_of  # noqa: E402
 from swath_sysid.page.server import FEW, MOST_CONNECTIONS, Guard, is_allowed, served  # noqa: E402
 from swath_sysid.page.state import PageState  # noqa: E402

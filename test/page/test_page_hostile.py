@@ -21,8 +21,8 @@ from swath_sysid.attitude.prediction.sea_state import SeaReport  # noqa: E402
 from swath_sysid.formats.messages import NANOSECOND, SECOND_NS  # noqa: E402
 from swath_sysid.formats.model_file import model_to_yaml  # noqa: E402
 from swath_sysid.formats.sea_state_yaml import sea_as_yaml  # noqa: E402
-from swath_sysid.nodes.page_node import ASKED, PageNode  # noqa: E402
 from swath_sysid.nodes.parameters.table import defaults  # noqa: E402
+from swath_sysid.page.nodes.page_node import ASKED, PageNode  # noqa: E402
 from swath_sysid.page.state import PageState  # noqa: E402
 
 SENTENCE = 'another node is called predictor'

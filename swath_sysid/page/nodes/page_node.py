@@ -23,11 +23,11 @@ from swath_sysid.formats.model_file import model_from_yaml
 from swath_sysid.formats.sea_state_yaml import sea_from_yaml
 from swath_sysid.nodes.diagnostics import EachOnce
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD
-from swath_sysid.nodes.page_intake import coming_from, keeping, values_of
-from swath_sysid.nodes.page_requests import PageRequests
 from swath_sysid.nodes.parameters.settings import installation, quiescence_limits
 from swath_sysid.nodes.qos import LATCHED, NEWEST
 from swath_sysid.page.live_record import ANOTHERS, READ, LiveRecord, calm_of, horizon_of, probability_of
+from swath_sysid.page.nodes.page_intake import coming_from, keeping, values_of
+from swath_sysid.page.nodes.page_requests import PageRequests
 from swath_sysid.page.state import SELDOM
 from swath_sysid.pipeline.health import Report
 

@@ -1,0 +1,1 @@
+"""Its verb, and what it runs beside the nodes."""
