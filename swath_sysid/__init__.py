@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from swath_sysid.attitude.identification.result import IdentificationSettings as IdentificationSettings
     from swath_sysid.attitude.motion.intake import ImuReading as ImuReading
     from swath_sysid.attitude.motion.trial import Trial as Trial
+    from swath_sysid.attitude.prediction.candidate import Candidate as Candidate
     from swath_sysid.attitude.prediction.forecaster import ForecasterSettings as ForecasterSettings
     from swath_sysid.attitude.prediction.sea_fit import fit_sea as fit_sea
     from swath_sysid.common.advice import Advice as Advice
@@ -58,6 +59,7 @@ _HOMES = {
     'pipeline.record_run': ('run_through', 'samples_of'),
     'evaluation.scoring': ('score', 'Skill'),
     'pipeline.forecast_pipeline': ('ForecastPipeline', 'PipelineSettings'),
+    'attitude.prediction.candidate': ('Candidate',),
     'attitude.prediction.forecaster': ('ForecasterSettings',),
     'attitude.prediction.sea_fit': ('fit_sea',),
     'attitude.motion.intake': ('ImuReading',),

@@ -528,3 +528,31 @@ def test_the_first_forecasts_after_a_silence_are_as_sure_as_they_are_right(run_o
     # of a tenth of a second ahead, the clean record is stated too surely as well
     assert (held[1:] > 0.8).all() and (rms[1] < 2.5 * rms[0])[1:].all(), (held, rms)
     assert (rms[2] < 1.5 * rms[3]).all(), rms
+
+
+class Seer:
+    """A candidate from outside, which knows the sea and the time; the others know no more than the rows."""
+
+    widening, now = 1.0, 0.0
+
+    def take(self, row):
+        self.time = self.now
+
+    def predict(self, count):
+        self.time = self.now
+
+    def ahead(self, rows):
+        times = self.time + 0.1 * rows
+        return np.vstack([SEA.motion(times), SEA.motion(times, 1)]).T, np.tile(np.diag([1e-6] * 4), (rows.size, 1, 1))
+
+
+def test_a_candidate_of_ones_own_that_knows_more_is_believed():
+    known = replace(SETTINGS, candidates={'seer': lambda step, period: Seer()})
+    pipeline, time = ForecastPipeline(PipelineSettings(forecaster=known)), np.arange(0.0, 20.0, 0.1)
+    for sample in SEA.samples(time):
+        Seer.now = sample.stamp
+        step = pipeline.add_sample(sample)
+    assert pipeline.diagnostics().candidates == (*CANDIDATES, 'seer')
+    errors = step.forecast.mean[:, :2] - SEA.motion(sample.stamp + np.array(LEADS)).T
+    assert (np.abs(errors[1:]) < 0.1 * SEA.motion(time).std(axis=1)).all()
+    assert (pipeline.diagnostics().weights[-1, :, 1:] > 0.9).all()

@@ -98,7 +98,7 @@ def test_the_level_of_a_memory_is_that_of_the_day():
     of_memory = InnovationsFilter(SeaMemory(2.0, 200.0, model).candidate(0.1), AXES, 2.0)
     of_model.seed(rows)
     of_memory.seed(rows + level)
-    (mean, spread), (with_level, wider) = of_model.forecast(leads), of_memory.forecast(leads)
+    (mean, spread), (with_level, wider) = of_model.ahead(leads / 0.1), of_memory.ahead(leads / 0.1)
     assert np.abs(with_level - level - mean).max() < 0.2
     assert np.allclose(wider, spread, rtol=0.1) and (np.diagonal(wider - spread, axis1=1, axis2=2) > 0.0).all()
 
@@ -141,8 +141,8 @@ def test_a_memory_on_more_rows_forecasts_them(buoy):
     space = InnovationsFilter(at_step(identify(rows[:2400:2], CHANNELS, 2.0 * STEP, PERIOD), STEP), AXES, 1.0)
     missed = []
     for place in range(2400, len(rows) - 5):
-        space.step(rows[place])
-        missed.append(space.forecast(np.array([0.5]))[0][0] - rows[place + 5, : len(AXES)])
+        space.take(rows[place])
+        missed.append(space.ahead(np.array([0.5]) / STEP)[0][0] - rows[place + 5, : len(AXES)])
     assert (np.std(missed[100:], axis=0) < 0.2 * np.std(rows[2400:, : len(AXES)], axis=0)).all()
 
 

@@ -129,7 +129,7 @@ def test_a_craft_that_only_heaves_is_forecast_vertically(roll, sensor):
     measured['roll'][:] = steps if roll == 'coarse' else rng.normal(0.0, roll, count)
     measured['accel_z'][:] = STANDARD_GRAVITY - heave[:count] @ frequency**2 + rng.normal(0.0, sensor, count)
     fit = fit_sea(SeaRequest(1.0, STEP, PERIOD, CHANNELS, values, vertical=VerticalRequest(ahead + 2, 0.0, row)))
-    waves = InnovationsFilter(fit.waves[WAVES], ATTITUDE, 3.0, np.arange(1, 4))
+    waves = InnovationsFilter(fit.waves[WAVES], ATTITUDE, 3.0)
     waves.seed(values[-600:])
     forecaster = VerticalForecaster(STEP, PERIOD, ahead + 2)
     for sample in values[:, [CHANNELS.index(name) for name in ('roll', 'pitch', *FORCE)]]:

@@ -26,10 +26,10 @@ def _waves(count, step, period, seed=0, size=0.1):
     return size * np.vstack([np.sin(phase).sum(axis=1), (w * np.cos(phase)).sum(axis=1)]).T
 
 
-def _followed(rows, step=0.2, period=3.0, steps=STEPS):
-    library = SeaLibrary(steps, step, period, step * (steps[-1] + 2))
+def _followed(rows, step=0.2, period=3.0, furthest=11):
+    library = SeaLibrary(step, period, step * (furthest + 2))
     for row in rows:
-        library.step(row)
+        library.take(row)
     return library
 
 
@@ -66,7 +66,7 @@ def test_it_is_the_mixture_of_processes_weighted_by_the_likelihood_of_all_rows(r
     rows = _waves(count, step, 3.0)
     rows[:, 2:] = rows[:, 2:] if rated else np.nan
     lead = 4
-    library = _followed(rows, step, steps=np.array([1, lead, 8]))
+    library = _followed(rows, step, furthest=8)
     a_period, unit, stride = library._rows, library._unit, library._stride
     assert stride == round(0.2 / step)
     values = np.column_stack([rows[:, 0], rows[:, 2] * unit])[:, : 2 if rated else 1]
@@ -93,7 +93,7 @@ def test_it_is_the_mixture_of_processes_weighted_by_the_likelihood_of_all_rows(r
     mean = weight @ np.array(means)
     apart = np.array(means) - mean
     covariance = np.einsum('m,m,mpq->pq', weight, size, covariances) + np.einsum('m,mp,mq->pq', weight, apart, apart)
-    ours, spread = library.forecast(None)
+    ours, spread = library.ahead(np.array([1, lead, 8]))
     per_unit = np.diag([1.0, 1.0 / unit])
     assert ours[1, ::2] == pytest.approx(per_unit @ mean, rel=1e-6)
     assert spread[1, ::2, ::2] == pytest.approx(per_unit @ covariance @ per_unit, rel=1e-6)
@@ -108,9 +108,9 @@ def test_it_is_the_mixture_of_processes_weighted_by_the_likelihood_of_all_rows(r
 )
 def test_time_sign_and_unit_change_nothing_else(factor, sign, unit, seed):
     rows = _waves(30, 0.2, 3.0, seed)
-    mean, covariance = _followed(rows).forecast(np.array([0.3, 1.0]), 0.05)
+    mean, covariance = _followed(rows).ahead(np.array([0.35, 1.05]) / 0.2)
     other = unit * sign * rows / [1.0, 1.0, factor, factor]
-    same, spread = _followed(other, factor * 0.2, factor * 3.0).forecast(factor * np.array([0.3, 1.0]), factor * 0.05)
+    same, spread = _followed(other, factor * 0.2, factor * 3.0).ahead(np.array([0.35, 1.05]) / 0.2)
     per_unit = unit * sign / np.array([1.0, 1.0, factor, factor])
     # a craft at rest has a size, whatever the unit
     assert same == pytest.approx(mean * per_unit, rel=1e-3, abs=1e-4 * unit)
@@ -126,8 +126,8 @@ def test_four_periods_show_the_waves_at_any_rate_of_rows(step, count):
     rows, size = motion[::fine], motion[:, :2].std(axis=0)
     truth = motion[(count - 1) * fine + np.round(leads / 0.05).astype(int), :2]
     for known in (rows, np.where([True, True, False, False], rows, np.nan)):
-        library = _followed(known[:count], step, steps=np.array([1, round(1.0 / step)]))
-        mean, covariance = library.forecast(leads)
+        library = _followed(known[:count], step, furthest=round(1.0 / step))
+        mean, covariance = library.ahead(leads / step)
         error = np.abs(mean[:, :2] - truth)
         assert (error / size < [[0.25], [0.5]]).all()
         assert (error < 4.0 * np.sqrt(covariance[:, [0, 1], [0, 1]])).all()
@@ -143,7 +143,7 @@ def test_no_forecast_is_wilder_than_the_motion(seed, count, level, noise):
     rows = _waves(count, 0.2, 3.0, seed, 0.05) + rng.normal(0.0, 1.0, (count, 4)) * noise * [1.0, 1.0, 2.0, 2.0]
     rows[:, :2] += level
     library = _followed(rows)
-    mean, covariance = library.forecast(np.arange(0.2, 12.0, 0.4))
+    mean, covariance = library.ahead(np.arange(1.0, 60.0, 2.0))
     size = np.maximum(np.sqrt((rows[:, :2] ** 2).mean(axis=0) + (rows[:, 2:] * 0.5) ** 2), np.abs(rows[-1, :2])).max(
         axis=0
     )
@@ -155,18 +155,18 @@ def test_no_forecast_is_wilder_than_the_motion(seed, count, level, noise):
 def test_lost_rows_widen_the_forecast_and_what_was_learnt_stays():
     rows = _waves(60, 0.2, 3.0)
     library, other = _followed(rows[:40]), _followed(rows[:40])
-    before = library.forecast(None)
-    library.skip(5)
-    assert np.isnan(library.forecast(None)[0]).all()
+    before = library.ahead(STEPS)
+    library.predict(5)
+    assert np.isnan(library.ahead(STEPS)[0]).all()
     for row in rows[45:50]:
-        library.step(row)
-    after, anew = library.forecast(None), _followed(rows[45:50]).forecast(None)
+        library.take(row)
+    after, anew = library.ahead(STEPS), _followed(rows[45:50]).ahead(STEPS)
     assert (before[1][:, 0, 0] <= 1.1 * after[1][:, 0, 0]).all()
     assert after[1][0, 0, 0] < anew[1][0, 0, 0]
     missing = rows[40].copy()
     missing[1] = np.nan
-    other.step(missing)
-    mean, _ = other.forecast(None)
+    other.take(missing)
+    mean, _ = other.ahead(STEPS)
     assert np.isfinite(mean[:, ::2]).all() and np.isnan(mean[:, 1::2]).all()
 
 
@@ -203,7 +203,7 @@ def test_four_memories_after_waves_have_faded_the_forecast_is_as_sure_as_if_they
     noise = np.random.default_rng(0).normal(0.0, 0.001, waves.shape) * [1.0, 1.0, 6.0 / period, 6.0 / period]
     sizes = []
     for rows in (faded + noise, waves / 3.0 + noise):
-        _, covariance = _followed(rows, step, period).forecast(None)
+        _, covariance = _followed(rows, step, period).ahead(STEPS)
         sizes.append(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
     assert (sizes[0] < 1.1 * sizes[1]).all() and (sizes[0] > 0.9 * sizes[1]).all()
 

@@ -1,5 +1,7 @@
 """The state space in innovations form against filterpy's Kalman filter, closed forms and long pasts."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
@@ -7,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, solve_discrete_lyapunov
 
+from swath_sysid.attitude.prediction.candidate import OnRows
 from swath_sysid.attitude.prediction.state_space import (
     BREAK,
     InnovationsFilter,
     InnovationsModel,
-    SparseFilter,
     cubic_weights,
     side_by_side,
 )
@@ -91,13 +93,11 @@ def test_lost_channels_and_samples_are_filterpys_kalman_update(seed, lost):
     model = _model(seed)
     rows = _rows(model, 60, seed)
     rows[np.random.default_rng(seed).uniform(size=rows.shape) < lost] = np.nan
-    ours, oracle = InnovationsFilter(model, model.channels, 1.0, (1, 5, 10)), Oracle(model)
+    ours, oracle = _filter(model), Oracle(model)
     for row in rows:
-        ours.step(row)
+        ours.take(row)
         oracle.step(row)
-    means, covariances = ours.forecast(None)
-    for prepared, at_any_time in zip((means, covariances), ours.forecast(np.array([0.1, 0.5, 1.0])), strict=True):
-        assert prepared == pytest.approx(at_any_time, rel=1e-12, abs=1e-12)
+    means, covariances = ours.ahead(np.array([1, 5, 10]))
     for steps, mean, covariance in zip((1, 5, 10), means, covariances, strict=True):
         wanted = oracle.ahead(steps)
         # a state that is nearly known is taken as known
@@ -109,11 +109,11 @@ def test_a_forecast_while_nothing_comes_grows_to_the_motions_own_spread():
     model, spread = _model(3), []
     ours = _filter(model, _rows(model, 300))
     for _ in range(400):
-        ours.step(np.full(3, np.nan))
-        spread.append(np.diagonal(ours.forecast([0.1])[1][0]))
+        ours.take(np.full(3, np.nan))
+        spread.append(np.diagonal(ours.ahead(np.array([0.1]) / STEP)[1][0]))
     assert spread[-1] == pytest.approx(model.scale**2 * np.diag(model.c @ model.prior @ model.c.T + model.s), rel=1e-6)
     assert (np.diff(spread, axis=0) > -1e-9).all()
-    assert ours.forecast([0.5])[0][0] == pytest.approx(model.mean, abs=1e-4)
+    assert ours.ahead(np.array([0.5]) / STEP)[0][0] == pytest.approx(model.mean, abs=1e-4)
 
 
 @pytest.mark.parametrize('count', [1, 4, 5, 128])
@@ -121,9 +121,11 @@ def test_a_long_gap_is_as_many_missing_rows(count):
     model = _model(4)
     stepped, skipped = (_filter(model, _rows(model, 200)) for _ in range(2))
     for _ in range(count):
-        stepped.step(np.full(3, np.nan))
-    skipped.skip(count)
-    for ours, wanted in zip(skipped.forecast([0.1, 0.25, 1.0]), stepped.forecast([0.1, 0.25, 1.0]), strict=True):
+        stepped.take(np.full(3, np.nan))
+    OnRows(skipped).predict(count)
+    for ours, wanted in zip(
+        skipped.ahead(np.array([0.1, 0.25, 1.0]) / STEP), stepped.ahead(np.array([0.1, 0.25, 1.0]) / STEP), strict=True
+    ):
         assert ours == pytest.approx(wanted, rel=1e-9, abs=1e-12)
 
 
@@ -134,10 +136,10 @@ def test_after_complete_rows_the_state_is_known_again_and_a_break_in_the_motion_
     lost[100:120] = np.nan
     broken, whole = _filter(model, lost), _filter(model, rows)
     assert broken.state_covariance is None and whole.state_covariance is None
-    assert broken.forecast([0.5])[0] == pytest.approx(whole.forecast([0.5])[0], abs=1e-3)
+    assert broken.ahead(np.array([0.5]) / STEP)[0] == pytest.approx(whole.ahead(np.array([0.5]) / STEP)[0], abs=1e-3)
     jump[200:] += 100.0 * model.scale
     ours, fresh = _filter(model, jump[:201]), _filter(model, jump[200:201])
-    assert ours.forecast([0.5])[0] == pytest.approx(fresh.forecast([0.5])[0])
+    assert ours.ahead(np.array([0.5]) / STEP)[0] == pytest.approx(fresh.ahead(np.array([0.5]) / STEP)[0])
     assert ours.state_covariance is not None
 
 
@@ -157,7 +159,7 @@ def test_age_is_added_to_the_lead_and_a_rate_is_the_difference_of_an_angle_that_
     time = np.arange(0.0, 20.0, STEP)
     ours = _filter(model, np.sin(w * time)[:, None], ('roll', 'roll_rate', 'yaw'))
     leads, age = np.array([0.0, 0.3, 0.8]), 0.03
-    mean, covariance = ours.forecast(leads, age)
+    mean, covariance = ours.ahead((leads + age) / STEP)
     then = time[-1] + age + leads
     assert mean[:, 0] == pytest.approx(np.sin(w * then), abs=0.003)
     assert mean[:, 1] == pytest.approx(w * np.cos(w * then), abs=0.04 * w)
@@ -170,34 +172,30 @@ def test_age_is_added_to_the_lead_and_a_rate_is_the_difference_of_an_angle_that_
 def test_a_filter_on_every_so_many_rows_is_one_of_these_rows_alone(gaps, every):
     """Whichever rows are missing, and between the rows that it uses too."""
     model = _model()
-    rows, steps = _rows(model, 200), np.array([1, 3, 8])
-    ours = SparseFilter(model, model.channels, 2.0, steps, 1.0, every)
-    plain = InnovationsFilter(model, model.channels, 2.0, (), 1.0)
-    ours.seed(rows[:100])
+    rows, plain = _rows(model, 200), _filter(model, horizon=2.0)
     plain.seed(rows[99 % every : 100 : every])
+    ours = OnRows(deepcopy(plain), every)
     number = used = 99
     for gap in gaps:
-        ours.skip(gap - 1)
-        ours.step(rows[number + gap])
+        ours.predict(gap - 1)
+        ours.take(rows[number + gap])
         # rows before this one, counted from the newest of the seed
         for place in range(number + 1, number + gap + 1):
             if (place - 99) % every == 0:
-                plain.step(rows[place]) if place == number + gap else plain.skip(1)
+                plain.take(rows[place] if place == number + gap else np.full(3, np.nan))
                 used = place
         number += gap
-        late = (number - used) * STEP / every
-        for leads in (np.array([0.1, 0.33, 0.8]), None):
-            asked = STEP / every * steps if leads is None else leads
-            for found, wanted in zip(ours.forecast(leads), plain.forecast(asked + late), strict=True):
+        for asked in (np.array([1.0, 3.3, 8.0]), np.array([1, 3, 8])):
+            for found, wanted in zip(ours.ahead(asked), plain.ahead((asked + number - used) / every), strict=True):
                 np.testing.assert_allclose(found, wanted, rtol=1e-7, atol=1e-9)
-        assert ours.strain == plain.strain
+        assert ours.space.nis == plain.nis
 
 
 def test_the_rates_covariance_is_that_of_the_difference():
     """Against simulated futures of one system, from the same state."""
     model = _model(6, channels=('roll',), states=3)
     ours = _filter(model, _rows(model, 300), ('roll', 'roll_rate'))
-    mean, covariance = ours.forecast([0.5])
+    mean, covariance = ours.ahead(np.array([0.5]) / STEP)
     rng, path, state = np.random.default_rng(0), [], np.tile(ours.state, (40000, 1))
     for _ in range(7):
         e = np.sqrt(model.s[0, 0]) * rng.normal(size=(40000, 1))
@@ -216,7 +214,7 @@ def test_models_side_by_side_forecast_as_they_do_alone():
     rows = np.random.default_rng(2).normal(size=(80, 3))
     rows[40:45, 1] = np.nan
     filters = (_filter(model, rows, ('roll', 'pitch', 'heave')) for model in (first, second, both))
-    one, two, whole = (each.forecast([0.3])[0][0] for each in filters)
+    one, two, whole = (each.ahead(np.array([0.3]) / STEP)[0][0] for each in filters)
     assert whole == pytest.approx([one[0], two[1], two[2]], abs=1e-6)
     assert both.from_lags is None
 
@@ -231,10 +229,10 @@ def test_covariances_stay_those_of_something(seed):
     rows[rng.uniform(size=rows.shape) < 0.3] = np.nan
     ours = InnovationsFilter(model, (*model.channels, 'roll_rate'), 2.0)
     for row in rows:
-        ours.step(row)
+        ours.take(row)
         if rng.uniform() < 0.1:
-            ours.skip(int(rng.integers(0, 700)))
-            covariance = ours.forecast(rng.uniform(0.1, 1.9, 3), 0.05)[1]
+            OnRows(ours).predict(int(rng.integers(0, 700)))
+            covariance = ours.ahead(rng.uniform(1.5, 19.5, 3))[1]
             assert np.allclose(covariance, covariance.transpose(0, 2, 1), rtol=1e-9, atol=1e-9)
             assert np.linalg.eigvalsh(covariance).min() > -1e-7 * covariance.max()
 
@@ -247,10 +245,10 @@ def test_a_break_in_the_motion_is_forgotten_though_a_channel_comes_with_every_ot
     rows[100:102] += 200.0 * model.scale
     rows[np.arange(400) % every > 0, 1] = np.nan
     ours = _filter(model, rows[:102])
-    assert ours.strain > BREAK
+    assert ours.nis > BREAK
     for row in rows[102:]:
-        ours.step(row)
-    assert 0.3 < ours.strain < 3.0
+        ours.take(row)
+    assert 0.3 < ours.nis < 3.0
 
 
 @pytest.mark.parametrize('turn', [30.0, -30.0])
@@ -264,5 +262,7 @@ def test_a_channel_beyond_what_was_learnt_of_it_tells_the_targets_nothing(turn):
     without[250:, 2] = np.where(beyond[250:], np.nan, turning[250:, 2])
     turned, unseen = (_filter(model, each, targets=('roll', 'pitch')) for each in (turning, without))
     assert beyond[260:].all()
-    for ours, wanted in zip(turned.forecast([0.1, 0.5]), unseen.forecast([0.1, 0.5]), strict=True):
+    for ours, wanted in zip(
+        turned.ahead(np.array([0.1, 0.5]) / STEP), unseen.ahead(np.array([0.1, 0.5]) / STEP), strict=True
+    ):
         assert ours.tolist() == wanted.tolist()

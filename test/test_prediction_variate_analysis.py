@@ -6,6 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from swath_sysid.attitude.prediction import variate_analysis as analysis
+from swath_sysid.attitude.prediction.candidate import OnRows
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.attitude.prediction.time_scale import period_of
@@ -54,21 +55,23 @@ def test_a_known_system_is_forecast_as_well_as_can_be():
     ours = _filter(model, y[5500:6000])
     errors, best = [], []
     for t in range(6000, 8990):
-        ours.step(y[t])
+        ours.take(y[t])
         one, two = y[t] - MEAN, y[t - 1] - MEAN
         for _ in range(5):
             one, two = first @ one + second @ two, one
-        errors.append(ours.forecast([0.5])[0][0] - y[t + 5])
+        errors.append(ours.ahead(np.array([0.5]) / STEP)[0][0] - y[t + 5])
         best.append(one + MEAN - y[t + 5])
     assert (np.std(errors, axis=0) < 1.02 * np.std(best, axis=0)).all()
-    covered = np.abs(errors) < 1.645 * np.sqrt(np.diagonal(ours.forecast([0.5])[1][0]))
+    covered = np.abs(errors) < 1.645 * np.sqrt(np.diagonal(ours.ahead(np.array([0.5]) / STEP)[1][0]))
     assert covered.mean() == pytest.approx(0.9, abs=0.02)
 
 
 def test_the_state_from_lags_is_that_of_a_long_past():
     y, *_ = _sea(4100)
     model = analysis.identify(y, NAMES, STEP, PERIOD)
-    (long, covariance), (short, _) = (_filter(model, y[-count:]).forecast([0.1]) for count in (1500, model.lags))
+    (long, covariance), (short, _) = (
+        _filter(model, y[-count:]).ahead(np.array([0.1]) / STEP) for count in (1500, model.lags)
+    )
     assert np.abs(long - short).max() < 0.1 * np.sqrt(np.diagonal(covariance[0])).min()
 
 
@@ -80,7 +83,7 @@ def test_channels_that_say_nothing_are_left_out():
     model = analysis.identify(values, ('draft', 'roll', 'heave', 'yaw', 'pitch'), STEP, PERIOD)
     assert (model.channels, model.places) == (('roll', 'pitch'), (1, 4))
     ours = _filter(model, values[-100:])
-    assert ours.state_covariance is None and np.isfinite(ours.forecast([0.5])[0]).all()
+    assert ours.state_covariance is None and np.isfinite(ours.ahead(np.array([0.5]) / STEP)[0]).all()
     for values in (np.zeros((0, 2)), np.zeros((500, 2)), np.full((500, 2), np.nan), y[:8]):
         assert analysis.identify(values, NAMES, STEP, PERIOD) is None
         assert analysis.identify_alone(values, NAMES, STEP, PERIOD, NAMES) is None
@@ -131,9 +134,9 @@ def test_channels_that_follow_from_others_give_a_model_and_variances(kind, seed,
     assert np.linalg.eigvalsh(model.s).min() > 0.9e-8
     ours = _filter(model, values, horizon=5.0)
     for known in (np.isfinite(values[-1]), np.arange(len(names)) == 0):
-        ours.skip(lost + 1)
-        ours.step(np.where(known, values[-1], np.nan))
-        covariance = ours.forecast(STEP * np.arange(51))[1]
+        OnRows(ours).predict(lost + 1)
+        ours.take(np.where(known, values[-1], np.nan))
+        covariance = ours.ahead(np.arange(51))[1]
         # not at a lead of zero, where what was measured is known
         variances = np.diagonal(covariance[1:], axis1=1, axis2=2)[:, : 1 + (kind != 'constant')]
         assert (variances > 0.0).all(), variances.min()
@@ -145,8 +148,8 @@ def test_what_follows_from_another_channel_is_forecast_with_it(kind):
     names, values = _following(kind, *_waves(4, 3, 1400))
     ours, errors = _filter(analysis.identify(values[:1200], names, STEP, PERIOD), values[1000:1200], horizon=2.0), []
     for t in range(1200, 1380):
-        ours.step(values[t])
-        errors.append(ours.forecast([1.0, 2.0])[0] - values[[t + 10, t + 20], :2])
+        ours.take(values[t])
+        errors.append(ours.ahead(np.array([1.0, 2.0]) / STEP)[0] - values[[t + 10, t + 20], :2])
     # three sines are known for good; an oscillator errs by half of the motion
     assert (np.std(errors, axis=0) < 0.02 * np.std(values[:, :2], axis=0)).all()
 
@@ -205,8 +208,8 @@ def _nrmse(values, names, start, stop, leads, step):
         if (t - start) % round(60.0 / step) == 0:
             past = values[t - round(30.0 / step) : t]
             ours = _filter(analysis.identify(values[:t], names, step, period), past, horizon=leads[-1])
-        ours.step(values[t])
-        errors.append(ours.forecast(leads)[0] - values[t + np.round(leads / step).astype(int), :2])
+        ours.take(values[t])
+        errors.append(ours.ahead(np.array(leads) / step)[0] - values[t + np.round(leads / step).astype(int), :2])
     return np.sqrt(np.nanmean(np.square(errors), axis=0)) / np.nanstd(values[start:, :2], axis=0)
 
 

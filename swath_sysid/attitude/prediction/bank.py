@@ -1,14 +1,16 @@
 """The bank of candidates: each steps through the rows, skips lost ones, and forecasts the readings to come."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
+from swath_sysid.attitude.prediction.candidate import Candidate, OnRows
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import CONVINCING, HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.hull_state import TRIM
@@ -18,20 +20,8 @@ from swath_sysid.attitude.prediction.rows import AT_ONCE, RowClock
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
 from swath_sysid.attitude.prediction.sea_memory import MEMORY
-from swath_sysid.attitude.prediction.state_space import (
-    STRAIN_TIME,
-    InnovationsFilter,
-    InnovationsModel,
-    SparseFilter,
-)
-from swath_sysid.attitude.prediction.upstream import (
-    NEW_UPSTREAM,
-    UpstreamCandidate,
-    UpstreamFit,
-    UpstreamRows,
-    candidates_of,
-    without,
-)
+from swath_sysid.attitude.prediction.state_space import NIS_MEMORY, InnovationsFilter, InnovationsModel
+from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, UpstreamFit, UpstreamRows, candidates_of, without
 from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import NEGLIGIBLE, THREE_STD
@@ -59,18 +49,25 @@ _AXIS_OF_TARGET = [*range(len(AXES))] * 2
 class Bank:
     """Candidates and their average at increasing leads (L,), s, on the rows of a clock."""
 
-    def __init__(self, axes: Sequence[AxisFilter], leads: np.ndarray, clock: RowClock, upstream: UpstreamRows) -> None:
+    def __init__(
+        self,
+        axes: Sequence[AxisFilter],
+        leads: np.ndarray,
+        clock: RowClock,
+        upstream: UpstreamRows,
+        others: Mapping[str, Callable[[float, float], Candidate]],
+    ) -> None:
         self.channels = upstream.names  #: Upstream.
-        #: Of the candidates; the upstream channels' are the last.
-        self.names = (*CANDIDATES, *candidates_of(self.channels))
+        #: Of the candidates; the upstream channels' come after our own, and then the ``others``.
+        self.names = (*CANDIDATES, *candidates_of(self.channels), *others)
         self._place = {name: place for place, name in enumerate(self.names)}
         self._clock, step, period = clock, clock.step, clock.period
         priors = [CANDIDATES.get(name, 1.0) for name in self.names]
         self.pool = Pool.of(leads, step, period, priors, len(HULLS))
         self.state = self.pool.begin(len(axes))
-        self.spaces: dict[str, Any] = {}  #: Those on rows.
-        self._upstream: dict[str, UpstreamCandidate] = {}
-        self._upstream_rows = upstream
+        self.spaces: dict[str, OnRows] = {}  #: State spaces of the craft's own channels.
+        self._on_rows: dict[str, Candidate] = {}  # all but the hulls' filters, which follow every sample
+        self._upstream_rows, self._others = upstream, others
         # when upstream channels last helped, s, and at which place of the scores; whether they contradict that since
         self._helped, self._helped_at, self._is_contradicted = -math.inf, 0, False
         self._at_row = np.full((len(self.names), 1, len(ATTITUDE)), math.nan), np.empty(0)
@@ -78,20 +75,10 @@ class Bank:
         self._period = period
         self._horizon = leads[-1] + 2.0 * step
         self._library: SeaLibrary  # which `begin` begins
-        self._since_break = math.inf  #: Rows.
+        self._since_break, self._doubt = math.inf, 1.0  # rows, and of the state of what follows them
         whole = leads / step
         are_rows = np.abs(whole - np.round(whole)) < AT_ONCE
         self._leads_are_rows = bool(are_rows.all()) and whole[0] > 0.9 and self._steps.size == whole.size
-
-    @property
-    def _on_rows(self) -> dict[str, SeaLibrary | InnovationsFilter | UpstreamCandidate]:
-        """The candidates that there are at present, but for the hulls' filters, which follow every sample."""
-        return {LIBRARY: self._library, **self._fitted}
-
-    @property
-    def _fitted(self) -> dict[str, InnovationsFilter | UpstreamCandidate]:
-        """Those of them whose models the past was fitted by."""
-        return {**self.spaces, **self._upstream}
 
     @property
     def _noise(self):
@@ -113,48 +100,60 @@ class Bank:
         ]
         return np.array(known).T.ravel()
 
+    @property
+    def waves(self) -> InnovationsFilter | None:
+        """The state space of the whole past, once there is one."""
+        return self.spaces[WAVES].space if WAVES in self.spaces else None
+
     def set_period(self, period: float) -> None:
         """Count memories in another period of the motion, s."""
         self._period = period
         self.pool = self.pool.in_period(self._step, period)
 
     def begin(self, past: np.ndarray) -> None:
-        """Begin with the library of seas, on the newest rows (N, width)."""
-        self._library = SeaLibrary(self._steps, self._step, self._period, self._horizon)
-        for row in past:
-            self._library.step(row)
+        """Begin with the library of seas, and others that nothing is learnt for, on the newest rows (N, width)."""
+        self._library = SeaLibrary(self._step, self._period, self._horizon)
+        begun = {name: make(self._step, self._period) for name, make in self._others.items()}
+        self._on_rows |= {LIBRARY: self._library, **begun}
+        for candidate in (self._library, *begun.values()):
+            for row in past:
+                candidate.take(row)
 
-    def restart(self) -> None:
+    def reset(self) -> None:
         """Forget the motion, not what is known of the sea."""
         self.begin(np.empty((0, 0)))
-        for space in self.spaces.values():
-            space.restart()
+        for candidate in self.spaces.values():
+            candidate.space.reset()
 
     def use(self, name: str, model: InnovationsModel, past: np.ndarray) -> None:
         """Put a new model to use, after the newest rows (N, width)."""
-        how = ATTITUDE, self._horizon, self._steps, STRAIN_TIME * self._period
         every = round(model.step / self._step)
-        space = InnovationsFilter(model, *how) if every == 1 else SparseFilter(model, *how, every)
-        self.spaces[name] = space
-        space.seed(past)
+        space = InnovationsFilter(model, ATTITUDE, self._horizon + model.step, NIS_MEMORY * self._period)
+        space.seed(past[(len(past) - 1) % every :: every])
+        self.spaces[name] = self._on_rows[name] = OnRows(space, every)
+
+    def forget(self, name: str) -> None:
+        """Use a model no longer."""
+        if self.spaces.pop(name, None) is not None:
+            del self._on_rows[name]
 
     def use_upstream(self, fits: Mapping[str, UpstreamFit], past: np.ndarray, time: float, memory: float) -> None:
         """Put fits of the upstream channels to use at a time, s, after the newest rows (N, width)."""
         is_kept = self._keeps_upstream(time, memory)
         for name, fit in fits.items():
             if name == NEW_UPSTREAM or not is_kept:
-                candidate = UpstreamCandidate(fit, self._upstream_rows, self._steps * self._step, self._step)
+                beside = partial(self._upstream_rows.at, delays=fit.delays)
+                self._on_rows[name] = candidate = OnRows(fit.space, fit.every, fit.newest, beside)
                 for row in past[len(past) - (self._upstream_rows.newest - fit.newest) :]:
-                    candidate.step(row)
-                self._upstream[name] = candidate
+                    candidate.take(row)
 
     def _keeps_upstream(self, time: float, memory: float) -> bool:
         """Whether a state space that has helped stays while the upstream channels contradict it, for so many s at most.
 
         If they come to agree with it again, what they showed meanwhile was wrong and is forgotten.
         """
-        of_past = [name for name in self.names if name not in (*CANDIDATES, NEW_UPSTREAM)]
-        ratio = self._ratio(of_past, CANDIDATES)
+        of_past = [name for name in candidates_of(self.channels) if name != NEW_UPSTREAM]
+        ratio = self._ratio(of_past, (*CANDIDATES, *self._others))
         if not np.isfinite(ratio).any():
             return False
         since, was_contradicted = time - self._helped, self._is_contradicted
@@ -167,7 +166,7 @@ class Bank:
             self._is_contradicted = True
         return (was_contradicted or self._is_contradicted) and is_recent
 
-    def reset(self, name: str, axis: int | slice = slice(None)) -> None:
+    def try_anew(self, name: str, axis: int | slice = slice(None)) -> None:
         """Judge a candidate with a new model, for an axis or all, as an untried one."""
         self.state = self.pool.reset(self.state, self._place[name], axis, is_other=name in HULLS)
 
@@ -175,25 +174,30 @@ class Bank:
         """Begin with what another bank, on other rows, has learnt of the errors."""
         self.state = self.pool.carried_over(other.pool, other.state, len(self._axes))
 
-    def step(self, row: np.ndarray) -> None:
+    def take(self, row: np.ndarray) -> None:
         """Take the next row in every candidate."""
         self._since_break += 1
+        # a period or more was missing until within the newest one
+        is_after_break = self._since_break * self._step < self._period
+        is_unseen = any(axis.unmeasured.is_missing and not axis.unmeasured.is_unknown for axis in self._axes)
+        # as far off as the innovations of a model that is accepted
+        self._doubt = HEALTHY_STRAIN if is_after_break or is_unseen else 1.0
         for candidate in self._on_rows.values():
-            candidate.step(row)
+            candidate.take(row)
         for place in self._library.begun_anew():
-            self.reset(LIBRARY, place)
+            self.try_anew(LIBRARY, place)
 
-    def skip(self, count: int) -> None:
-        """Step over missing rows."""
+    def predict(self, count: int) -> None:
+        """Go on over missing rows."""
         if count * self._step > self._period:
             self._since_break = 0
         self.state = self.pool.skip(self.state, count)
         for candidate in self._on_rows.values():
-            candidate.skip(count)
+            candidate.predict(count)
 
     def score(self, measured: np.ndarray) -> None:
         """Score past forecasts of the angles (A,) of the newest row; issue others."""
-        self._at_row = mean, covariance = self._forecasts(None, 0.0)
+        self._at_row = mean, covariance = self._forecasts(self._step * self._steps, self._steps.astype(float))
         count = measured.size
         centre, largest = self._bounds(np.zeros(count))
         self.state = self.pool.take(
@@ -227,7 +231,8 @@ class Bank:
         if at_row:
             mean, covariance = (values[:, :count] for values in self._at_row)
         else:
-            mean, covariance = self._forecasts(np.maximum(self._leads[:count] + lateness, 0.0), age)
+            leads = np.maximum(self._leads[:count] + lateness, 0.0)
+            mean, covariance = self._forecasts(leads, (leads + age) / self._step)
         ahead = self.pool.combine(self.state, stamp_ns, mean, covariance, _AXIS_OF_TARGET, self._noise, self._present)
         for place, axis in enumerate(self._axes):
             ahead.covariance[:, place, place] += axis.doubt_of_angle
@@ -245,7 +250,7 @@ class Bank:
 
         NaN where there are none of the one or the other at present.
         """
-        others = (*CANDIDATES, without(channel))
+        others = (*CANDIDATES, without(channel), *self._others)
         return 1.0 - np.sqrt(self._ratio([name for name in self.names if name not in others], others))
 
     def _ratio(self, some: Collection[str], others: Collection[str]) -> np.ndarray:
@@ -257,16 +262,17 @@ class Bank:
         )
         return of_some / np.maximum(of_others, 1e-300)
 
-    def _forecasts(self, leads: np.ndarray | None, age: float):
+    def _forecasts(self, ahead: np.ndarray, rows: np.ndarray):
         """Motion (K, L, 4) and covariances (K, L, 4, 4) by candidate; NaN where it has none.
+
+        So many s (L,) after the newest sample, which is so many rows (L,) after the newest row.
 
         As far as the sensor's noise is known: the covariances are of readings, else.
         """
-        count = self._steps.size if leads is None else leads.size
+        count = ahead.size
         mean = np.full((len(self.names), count, len(ATTITUDE)), math.nan)
         covariance = np.zeros((*mean.shape, len(ATTITUDE)))
         level = self._place[LEVEL]
-        ahead = self._step * self._steps if leads is None else leads
         # without a hull, its filter still follows every sample, which rows do not
         at_once = int(np.count_nonzero(ahead < 1.02 * self._step))
         for place, axis in enumerate(self._axes):
@@ -281,23 +287,16 @@ class Bank:
             mean[level, :, place], mean[level, :, rate] = size.mean, 0.0
             covariance[level, :, place, place] = size.activity**2 + size.doubt_of_mean**2
             covariance[level, :, rate, rate] = (2.0 * math.pi / self._period * size.activity) ** 2
-        # a period or more was missing until within the newest one
-        is_after_break = self._since_break * self._step < self._period
-        is_unseen = any(axis.unmeasured.is_missing and not axis.unmeasured.is_unknown for axis in self._axes)
-        for space in self.spaces.values():
-            # as far off as the innovations of a model that is accepted
-            space.doubt = HEALTHY_STRAIN if is_after_break or is_unseen else 1.0
         for name, candidate in self._on_rows.items():
-            mean[self._place[name]], covariance[self._place[name]] = candidate.forecast(leads, age)
+            doubt = (self._doubt,) if name in self.spaces else ()
+            mean[self._place[name]], covariance[self._place[name]] = candidate.ahead(rows, *doubt)
         noise = self._present if self._clock.is_smoothed else self._noise
         if noise.any():
             of_readings = [self._place[name] for name in self._on_rows]
             covariance[of_readings] = without_noise(covariance[of_readings], noise)
-        # what the newest rows contradict claims so much more
-        for name, fitted in self._fitted.items():
-            covariance[self._place[name]] *= max(fitted.strain / HEALTHY_STRAIN, 1.0)
-        for place in range(len(self._axes)):
-            covariance[self._place[LIBRARY], :, place::2, place::2] *= max(self._library.strain(place), 1.0)
+        for name, candidate in self._on_rows.items():
+            factor = np.sqrt(candidate.widening) * np.ones(len(ATTITUDE))
+            covariance[self._place[name]] *= factor[:, None] * factor
         angles = mean[..., :2]
         # a third of what np.clip takes
         np.minimum(np.maximum(angles, -math.pi, out=angles), math.pi, out=angles)

@@ -6,7 +6,7 @@ contradict it.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from operator import attrgetter, itemgetter
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from swath_sysid.attitude.motion.stamps import STEPPED
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter
 from swath_sysid.attitude.prediction.bank import HULLS, Bank, ForecasterDiagnostics, diagnose
+from swath_sysid.attitude.prediction.candidate import Candidate
 from swath_sysid.attitude.prediction.forecast import Forecast, Wanted
 from swath_sysid.attitude.prediction.hull_filter import CONVINCING, ExcitationRequest, HullFilterSettings
 from swath_sysid.attitude.prediction.hull_state import MEMORY_OF_SIZE
@@ -100,6 +101,8 @@ class ForecasterSettings:
     points: tuple[Point, ...] = ()  #: Where vertical motion is forecast, too.
     valid_error: ErrorLimit = ErrorLimit()  #: Of the expected error, up to which a forecast is trusted.
     upstream: tuple[str, ...] = ()  #: Names of scalar series that show waves on their way to the craft.
+    #: Candidates of one's own by name, each begun for rows of a step in a motion of a period, both s.
+    candidates: Mapping[str, Callable[[float, float], Candidate]] = field(default_factory=dict)
 
     def __post_init__(self):
         if not self.leads or any(not b > a for a, b in zip((0.0, *self.leads), self.leads, strict=False)):
@@ -184,7 +187,7 @@ class Forecaster:
         self._axes[axis].set_model(identified)
         if self._bank is not None:
             for name in HULLS:
-                self._bank.reset(name, AXES.index(axis))
+                self._bank.try_anew(name, AXES.index(axis))
         self._refit_due = -math.inf
 
     def install(self, fit: SeaFit) -> None:
@@ -298,7 +301,7 @@ class Forecaster:
             axis.size.restart()
         if self._bank is not None:
             self._upstream.skip(2 * MAX_LAGS)
-            self._bank.restart()
+            self._bank.reset()
         self._skip_rows(2 * MAX_LAGS - 1)
         self._steps = 1
         self._clock.pause()
@@ -382,7 +385,9 @@ class Forecaster:
     def _begin_rows(self):
         """Begin with another step, which makes all that was learnt in rows invalid."""
         step, before = self._clock.step, self._bank
-        self._bank = Bank(tuple(self._axes.values()), self._leads, self._clock, self._upstream)
+        self._bank = Bank(
+            tuple(self._axes.values()), self._leads, self._clock, self._upstream, self.settings.candidates
+        )
         if before is not None:
             self._bank.carry_over(before)
         self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
@@ -405,15 +410,15 @@ class Forecaster:
         self._skip_rows(steps - 1)
         self._rows.append(row)
         channels = np.array(row[OF_CHANNELS])
-        bank.step(channels)
-        self._points.step(channels, bank.spaces.get(WAVES))
+        bank.take(channels)
+        self._points.step(channels, bank.waves)
         bank.score(np.array(row[OF_SAMPLE][: len(AXES)]))
 
     def _skip_rows(self, count: int):
         if count > 0 and self._bank is not None:
             self._rows.skip(count)
-            self._bank.skip(count)
-            self._points.skip(count, self._bank.spaces.get(WAVES))
+            self._bank.predict(count)
+            self._points.skip(count, self._bank.waves)
 
     @property
     def _window(self):
@@ -498,15 +503,14 @@ class Forecaster:
         for name, model in fit.waves.items():
             # what a longer memory errs by is known from its fit before, which is nearly the same
             if name != LONG_WAVES or name not in bank.spaces:
-                bank.reset(name)
+                bank.try_anew(name)
             bank.use(name, model, self._newest(2 * SPARSE * MAX_LAGS))
             self._has_waves = True
-        if WAVES in fit.waves:
+        if WAVES in fit.waves and bank.waves is not None:
             self._remember(bank, fit.waves[WAVES], fit.time)
+            self._points.install(fit.vertical, self._rows.newest, bank.waves)
         if fit.upstream:
             bank.use_upstream(fit.upstream, self._newest(), self._time, 0.5 * self.settings.window * self._clock.period)
-        if WAVES in fit.waves:
-            self._points.install(fit.vertical, self._rows.newest, bank.spaces[WAVES])
         for name, excitation in fit.excitations.items():
             axis = self._axes[name]
             # unless the hull has become known meanwhile, or unknown
@@ -523,7 +527,7 @@ class Forecaster:
         periods = min(self.settings.window, (time - self._rows_begun) / self._clock.period)
         if periods >= min(_WELL_LEARNT, self.memory.periods if self.memory else 0.0):
             self.memory = SeaMemory(self._clock.period, periods, waves)
-            bank.spaces.pop(MEMORY, None)
+            bank.forget(MEMORY)
 
     # -- forecasts
 

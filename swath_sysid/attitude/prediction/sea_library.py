@@ -15,7 +15,7 @@ import numpy as np
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
-from swath_sysid.attitude.prediction.state_space import CONTRADICTED, STRAIN_TIME, cubic_weights
+from swath_sysid.attitude.prediction.state_space import CONTRADICTED, NIS_MEMORY, cubic_weights
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.conventions import NEGLIGIBLE
@@ -132,16 +132,16 @@ class AxisSeas:
         self.rated, self._stride, self._nodes = rated, stride, nodes
         # rows of all strides count as one
         self._share, self._a_row = 1.0 / stride, 1.0 / (rows * stride)
-        self.age, self.strain = 0.0, 1.0  #: Periods of rows; errors over what was expected of them.
+        self.age, self.nis = 0.0, 1.0  #: Periods of rows; errors over what was expected of them.
         self._predictors = predictors(rows, rated)
         self._alive, self._copied = np.arange(MEMBERS), 0
         self._read, self._white = self._predictors.read, self._predictors.white
         #: (M, 2); squares of errors over their variances for a size of one, and log likelihood but for its size.
         self._told = np.tile([LEAST_SIZE**2, 0.0], (MEMBERS, 1))
         self._count = 2.0  # as of two readings at rest
-        self.restart()
+        self.reset()
 
-    def restart(self) -> None:
+    def reset(self) -> None:
         """Forget the rows, not what they have shown."""
         self.count = 0  #: Rows that there are.
         self.past = np.zeros((MAX_LAGS // (1 + self.rated) * self._stride, 1 + self.rated))  #: Newest first.
@@ -152,11 +152,11 @@ class AxisSeas:
         self._mixture: Any = None
         self._issued = deque([(np.zeros((len(angle), 2)), self._moments[:, 0].copy())] * self._stride)
 
-    def step(self, reading: list[float]) -> None:
+    def take(self, reading: list[float]) -> None:
         """Take the next row: angle or angle and rate."""
         least, weight, size = weighed(np.array(reading), *self._issued.popleft(), self._told, self._count, self._share)
         self.age += self._a_row
-        self.strain += min(1.0, self._a_row / STRAIN_TIME) * (min(least, _LARGEST) - self.strain)
+        self.nis += min(1.0, self._a_row / NIS_MEMORY) * (min(least, _LARGEST) - self.nis)
         self._count += len(reading) * self._share
         self.past[1:] = self.past[:-1]
         self.past[0] = reading
@@ -236,42 +236,40 @@ def weighed(
 
 
 class SeaLibrary:
-    """The library on the rows of every axis, as an `InnovationsFilter` of all `ATTITUDE`."""
+    """The library on the rows of every axis: a candidate for all of `ATTITUDE`."""
 
-    def __init__(self, steps: np.ndarray, step: float, period: float, horizon: float) -> None:
+    def __init__(self, step: float, period: float, horizon: float) -> None:
         rows = period / step
         self._stride = max(1, round(2.0 * rows / ROWS_A_PERIOD))
         self._rows = _SAME_PERIOD ** round(math.log(rows / self._stride, _SAME_PERIOD))
         self._unit = self._rows * self._stride * step / (2.0 * math.pi)
-        self._step = step
         self._furthest = min(math.ceil(horizon / step / self._stride), FURTHEST)
-        self._between_of_steps = self._between(np.asarray(steps, dtype=float))
         self._units = np.array([1.0, 1.0 / self._unit])
         self._square_units = np.outer(self._units, self._units).ravel()
         self._axes: list[AxisSeas | None] = [None] * len(AXES)
         self._following = list(self._axes)
         self._anew: list[int] = []
 
-    def step(self, row: np.ndarray) -> None:
+    def take(self, row: np.ndarray) -> None:
         """Update with the next row (width,), NaN where missing."""
         for place, axis in enumerate(self._axes):
             angle, rate = row.item(place), row.item(place + len(AXES)) * self._unit
             rated = rate == rate
             if angle != angle:
                 if axis is not None:
-                    axis.restart()
+                    axis.reset()
                 continue
             if axis is None or axis.rated != rated:
                 axis = self._axes[place] = self._begun(rated)
             reading, before = [angle, rate] if rated else [angle], axis.past[: min(axis.count, 1)].tolist()
-            axis.step(reading)
+            axis.take(reading)
             self._renew(place, axis, reading)
-            if axis.strain > CONTRADICTED:
+            if axis.nis > CONTRADICTED:
                 # another motion, of which the newest rows are all that is known
                 axis = self._axes[place] = self._begun(rated)
                 self._anew.append(place)
                 for each in (*before, reading):
-                    axis.step(each)
+                    axis.take(each)
 
     def _renew(self, place: int, axis: AxisSeas, reading: list[float]):
         """Seas that were dropped come back: others begin in time, and take over when they know enough."""
@@ -279,7 +277,7 @@ class SeaLibrary:
         if following is None or following.rated != axis.rated or following.age > axis.age:
             following = self._following[place] = self._begun(axis.rated) if axis.age > LIFETIME else None
         if following is not None:
-            following.step(reading)
+            following.take(reading)
             if following.age > 0.5 * LIFETIME:
                 self._axes[place], self._following[place] = following, None
 
@@ -291,23 +289,20 @@ class SeaLibrary:
         anew, self._anew = self._anew, []
         return anew
 
-    def strain(self, place: int) -> float:
-        """Errors over what was expected of them, squared, of the newest rows of an axis."""
-        axis = self._axes[place]
-        return 1.0 if axis is None else axis.strain
+    @property
+    def widening(self) -> np.ndarray:
+        """By axis: what the newest rows contradict claims so much more."""
+        return np.array(2 * [1.0 if axis is None else max(axis.nis, 1.0) for axis in self._axes])
 
-    def skip(self, count: int) -> None:
-        """Step over ``count`` missing rows."""
+    def predict(self, count: int) -> None:
+        """Go on over ``count`` missing rows."""
         for axis in (*self._axes, *self._following):
             if axis is not None and count:
-                axis.restart()
+                axis.reset()
 
-    def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (L, 4) at leads (L,), s from now, and covariance (L, 4, 4) with the sensor's noise."""
-        if leads is None:
-            of_mean, of_covariance = self._between_of_steps
-        else:
-            of_mean, of_covariance = self._between((np.asarray(leads) + age) / self._step)
+    def ahead(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (L, 4) so many rows (L,) ahead, and covariance (L, 4, 4) with the sensor's noise."""
+        of_mean, of_covariance = _weights_between(np.asarray(rows, dtype=float).tobytes(), self._stride, self._furthest)
         mean, covariance = np.full((len(of_mean), 4), math.nan), np.zeros((len(of_mean), 4, 4))
         for place, axis in enumerate(self._axes):
             if axis is not None and axis.count:
@@ -316,14 +311,20 @@ class SeaLibrary:
                 covariance[:, place::2, place::2] = (of_covariance @ spreads * self._square_units).reshape(-1, 2, 2)
         return mean, covariance
 
-    def _between(self, rows: np.ndarray):
-        """Weights (L, nodes) of means, cubic, and covariances, linear, so many rows (L,) ahead; the level beyond."""
-        near = np.minimum(rows / self._stride, self._furthest)
-        # nodes: the level, the row before the newest, the newest
-        whole = np.minimum(near.astype(int), self._furthest - 1)
-        part, places = (near - whole)[:, None], np.arange(rows.size)[:, None]
-        weights = np.zeros((2, rows.size, self._furthest + 4))
-        weights[0, places, whole[:, None] + np.arange(1, 5)] = cubic_weights(part[:, 0])
-        weights[1, places, whole[:, None] + np.arange(2, 4)] = np.hstack([1.0 - part, part])
-        weights[:, rows / self._stride > self._furthest] = np.arange(self._furthest + 4) == 0
-        return weights
+
+@lru_cache(maxsize=32)
+def _weights_between(rows: bytes, stride: int, furthest: int) -> np.ndarray:
+    """Weights (L, nodes) of means, cubic, and covariances, linear, so many rows (L,) ahead; the level beyond.
+
+    Of numbers as they lie in memory: the same leads are asked for again and again.
+    """
+    strides = np.frombuffer(rows) / stride
+    near = np.minimum(strides, furthest)
+    # nodes: the level, the row before the newest, the newest
+    whole = np.minimum(near.astype(int), furthest - 1)
+    part, places = (near - whole)[:, None], np.arange(near.size)[:, None]
+    weights = np.zeros((2, near.size, furthest + 4))
+    weights[0, places, whole[:, None] + np.arange(1, 5)] = cubic_weights(part[:, 0])
+    weights[1, places, whole[:, None] + np.arange(2, 4)] = np.hstack([1.0 - part, part])
+    weights[:, strides > furthest] = np.arange(furthest + 4) == 0
+    return weights

@@ -7,6 +7,7 @@ where values are lost, the Kalman update with the correlated noises K e and e gi
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,8 +22,8 @@ _DIFFERENCE = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 RIDGE = 1e-8
 # a state whose errors are this much less than the innovations (in variance) is known
 _KNOWN = 1e-4
-STRAIN_TIME = 0.31  #: Periods over which the innovations of the targets are averaged.
-#: A strain beyond which a candidate knows nothing of the present motion.
+NIS_MEMORY = 0.31  #: Periods over which the innovations of the targets are averaged.
+#: A ratio beyond which a candidate knows nothing of the present motion.
 CONTRADICTED = 25.0
 #: An error this many times (in variance) what was expected is not an innovation: the motion was broken off.
 BREAK = 400.0
@@ -61,11 +62,13 @@ class Between(NamedTuple):
     weights: Any = None  #: (L, 1, 4); of the one before, both and the one after, by cubics.
 
 
-def between(steps: np.ndarray) -> Between:
-    """Where so many steps (L,) are among whole ones."""
-    near = np.round(steps)
-    whole = np.where(np.abs(steps - near) < 1e-6, near, np.floor(steps)).astype(int)
-    part = steps - whole
+@lru_cache(maxsize=64)
+def _between(steps: bytes) -> Between:
+    """Of numbers as they lie in memory: the same leads are asked for again and again."""
+    count = np.frombuffer(steps)
+    near = np.round(count)
+    whole = np.where(np.abs(count - near) < 1e-6, near, np.floor(count)).astype(int)
+    part = count - whole
     if not (np.abs(part) > 1e-6).any():
         return Between(whole)
     return Between(whole, part[:, None, None], cubic_weights(part)[:, None])
@@ -75,24 +78,16 @@ class InnovationsFilter:
     """Steps a model through rows, complete or not, and forecasts targets from the newest.
 
     Targets are channels, or the difference ``X_rate`` of a channel ``X``; NaN without either. ``horizon``, s, is the
-    longest lead and age together; ``steps`` are those of `forecast` without leads. ``strain`` is the running mean of
-    squared innovations over their expectation; one is healthy. ``doubt`` multiplies the part of a forecast's variance
-    that is the state's: a model may err about a state that it has not followed. ``state`` (n,) and ``state_covariance``
-    (n, n), None where the state is known, are those after the newest row.
+    longest lead. ``nis`` is the running mean, over a memory in s, of squared innovations over their expectation; one is
+    healthy. ``state`` (n,) and ``state_covariance`` (n, n), None where the state is known, are those after the newest
+    row.
     """
 
     def __init__(
-        self,
-        model: InnovationsModel,
-        targets: Sequence[str],
-        horizon: float,
-        steps: Sequence[int] | np.ndarray = (),
-        strain_time: float = 1.0,
+        self, model: InnovationsModel, targets: Sequence[str], horizon: float, nis_memory: float = 1.0
     ) -> None:
         self.model = model
         self.targets = tuple(targets)
-        self.horizon = horizon
-        self.doubt = 1.0
         self._places = np.array(model.places, dtype=int)
         self._scale = 1.0 / model.scale
         self._following = np.vstack([model.c, model.a])
@@ -101,30 +96,27 @@ class InnovationsFilter:
         watched = [name in self.targets for name in model.channels]
         self._watched = np.array(watched) if any(watched) else np.ones(len(watched), dtype=bool)
         self._precision = np.linalg.inv(model.s[np.ix_(self._watched, self._watched)])
-        self._strain_gain = min(1.0, model.step / strain_time)
+        self._nis_gain = min(1.0, model.step / nis_memory)
         self._largest = BREAK * np.diag(model.s)
         self._learnt_up_to = np.where(self._watched, np.inf, _LEARNT_UP_TO)
-        self._at: Any = np.array(steps, dtype=int)
-        if self._at.size and self._at[-1] - self._at[0] == self._at.size - 1:
-            # which takes no copy
-            self._at = slice(self._at[0], self._at[-1] + 1)
+        self._last = int(np.ceil(horizon / model.step - 1e-6))
         self._prepare()
-        self.restart()
+        self.reset()
 
-    def restart(self) -> None:
+    def reset(self) -> None:
         """Forget all rows."""
         self.state = np.zeros(self.model.a.shape[0])
         self.state_covariance: Any = self.model.prior
         self._recent = deque([np.zeros(len(self.model.channels))] * _PAST, maxlen=_PAST)
-        self._stepped: Any = None
-        self.strain = 1.0
+        self._ahead: Any = None
+        self.nis = 1.0
 
     def seed(self, rows: np.ndarray) -> None:
-        """Restart and step through recent rows (N, width), oldest first, NaN where missing.
+        """Begin with recent rows (N, width), oldest first, NaN where missing.
 
         The state comes from the lags of the first run of complete rows, if any.
         """
-        self.restart()
+        self.reset()
         count = self.model.lags
         complete = np.isfinite(rows[:, self._places]).all(axis=1)
         if count and (whole := whole_lags(complete, count)).any():
@@ -134,17 +126,17 @@ class InnovationsFilter:
             self._recent.extend(lags[-_PAST:])
             rows = rows[end:]
         for row in rows:
-            self.step(row)
+            self.take(row)
 
-    def step(self, row: np.ndarray) -> None:
+    def take(self, row: np.ndarray) -> None:
         """Update with the next row (width,), NaN where missing."""
         z = (row[self._places] - self.model.mean) * self._scale
-        self._stepped = None
+        self._ahead = None
         if self.state_covariance is None:
             following = self._following @ self.state
             error = z - following[: z.size]
             watched = error[self._watched]
-            self._follow_strain(float(watched @ self._precision @ watched) / watched.size)
+            self._follow_nis(float(watched @ self._precision @ watched) / watched.size)
             # false for NaN, too
             if ((error * error < self._largest) & (np.abs(z) < self._learnt_up_to)).all():
                 self.state = following[z.size :] + self.model.k @ error
@@ -153,9 +145,9 @@ class InnovationsFilter:
             self.state_covariance = np.zeros_like(self.model.a)
         self._update(z, np.isfinite(z))
 
-    def _follow_strain(self, square: float):
+    def _follow_nis(self, square: float):
         if square == square:
-            self.strain += self._strain_gain * (square - self.strain)
+            self.nis += self._nis_gain * (square - self.nis)
 
     def _update(self, z: np.ndarray, seen: np.ndarray):
         """The Kalman update with the channels that were seen, all or none of them included.
@@ -180,7 +172,7 @@ class InnovationsFilter:
             return
         of_watched = squares[self._watched[seen]]
         if of_watched.size:
-            self._follow_strain(float(of_watched.mean()))
+            self._follow_nis(float(of_watched.mean()))
         expected = m.c @ self.state
         self.state, covariance = m.a @ self.state, m.a @ self.state_covariance @ m.a.T + self._driven
         if seen.any():
@@ -195,41 +187,28 @@ class InnovationsFilter:
         self.state_covariance = None if known else covariance
         self._recent.append(np.where(seen, z, expected))
 
-    def skip(self, count: int) -> None:
-        """Step over ``count`` missing rows."""
-        missing = np.full(int(self._places.max(initial=0)) + 1, np.nan)
-        for _ in range(count):
-            self.step(missing)
+    def ahead(self, rows: np.ndarray, doubt: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (L, M) of the targets, and covariance (L, M, M) with the sensors' noise, so many rows (L,) ahead.
 
-    def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (L, M) of the targets at leads (L,), s from now, and covariance (L, M, M) with the sensors' noise.
-
-        ``age``, s, is the time since the newest row. Between whole steps the mean is interpolated by cubics, the
-        covariance linearly. Leads None: at the ``steps``.
+        Between whole rows the mean is interpolated by cubics, the covariance linearly. ``doubt`` multiplies the part of
+        the variance that is the state's: a model may err about a state that it has not followed.
         """
-        if leads is not None:
-            return self.at(between((np.asarray(leads, dtype=float) + age) / self.model.step))
-        means, covariances = self._ahead()
-        return means[1:][self._at], covariances[self._at]
-
-    def at(self, places: Between) -> tuple[np.ndarray, np.ndarray]:
-        """As `forecast`, at places among the model's steps."""
-        means, covariances = self._ahead()
-        whole, part, weights = places
+        means, covariances = self._at_rows(doubt)
+        whole, part, weights = _between(np.asarray(rows, dtype=float).tobytes())
         if weights is None:
             return means[whole + 1], covariances[whole]
         mean = (weights @ means[whole[:, None] + np.arange(4)])[:, 0]
         return mean, (1.0 - part) * covariances[whole] + part * covariances[np.minimum(whole + 1, self._last + 1)]
 
-    def _ahead(self):
-        """Means at steps -1, 0, ... and covariances at steps 0, 1, ..., until the next row comes."""
-        if self._stepped is None:
+    def _at_rows(self, doubt: float):
+        """Means at rows -1, 0, ... and covariances at rows 0, 1, ..., until the next row comes."""
+        if self._ahead is None or self._ahead[0] != doubt:
             means = self._of_past @ np.concatenate([self.state, *self._recent])
             free, p, of_state = self._free, self.state_covariance, self._of_state
             if p is not None:
-                free = free + self.doubt * (of_state @ p @ of_state.transpose(0, 2, 1))
-            self._stepped = means.reshape(-1, len(self.targets)) + self._offset, free
-        return self._stepped
+                free = free + doubt * (of_state @ p @ of_state.transpose(0, 2, 1))
+            self._ahead = doubt, means.reshape(-1, len(self.targets)) + self._offset, free
+        return self._ahead[1:]
 
     def _find_targets(self):
         """Units of the targets, their places and channels, and factors of a channel by the steps from the target."""
@@ -253,7 +232,7 @@ class InnovationsFilter:
         error.
         """
         m, (states, channels) = self.model, self.model.k.shape
-        self._last = steps = int(np.ceil(self.horizon / m.step - 1e-6))
+        steps = self._last
         sources = self._find_targets()
 
         def as_targets(path: np.ndarray) -> np.ndarray:
@@ -277,64 +256,6 @@ class InnovationsFilter:
         now = np.eye(channels)[None]
         response = as_targets(np.concatenate([np.zeros((_PAST, *now.shape[1:])), now, ahead[:-1] @ m.k]))[:-1]
         self._free = np.cumsum(response @ m.s @ response.transpose(0, 2, 1), axis=0)[1:]
-
-
-class SparseFilter:
-    """A filter on every so many of the rows: a longer past at the same cost; arguments as of `InnovationsFilter`."""
-
-    def __init__(
-        self,
-        model: InnovationsModel,
-        targets: Sequence[str],
-        horizon: float,
-        steps: np.ndarray,
-        strain_time: float,
-        every: int,
-    ) -> None:
-        self._space = InnovationsFilter(model, targets, horizon + model.step, (), strain_time)
-        self._every, self._step, self._since = every, model.step / every, 0
-        self._places = [between((np.asarray(steps) + since) / every) for since in range(every)]
-
-    @property
-    def strain(self) -> float:
-        """As of `InnovationsFilter`."""
-        return self._space.strain
-
-    @property
-    def doubt(self) -> float:
-        """As of `InnovationsFilter`."""
-        return self._space.doubt
-
-    @doubt.setter
-    def doubt(self, factor: float) -> None:
-        self._space.doubt = factor
-
-    def restart(self) -> None:
-        """As of `InnovationsFilter`."""
-        self._space.restart()
-
-    def seed(self, rows: np.ndarray) -> None:
-        """Restart and step through recent rows (N, width), the newest among them."""
-        self._space.seed(rows[(len(rows) - 1) % self._every :: self._every])
-        self._since = 0
-
-    def step(self, row: np.ndarray) -> None:
-        """Take the next row, if it is one of those that are used."""
-        self._since = (self._since + 1) % self._every
-        if self._since == 0:
-            self._space.step(row)
-
-    def skip(self, count: int) -> None:
-        """Step over missing rows."""
-        self._since += count
-        self._space.skip(self._since // self._every)
-        self._since %= self._every
-
-    def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """As of `InnovationsFilter`."""
-        if leads is None:
-            return self._space.at(self._places[self._since])
-        return self._space.forecast(leads, age + self._since * self._step)
 
 
 def side_by_side(models: Sequence[InnovationsModel]) -> InnovationsModel:

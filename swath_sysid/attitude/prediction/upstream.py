@@ -15,7 +15,7 @@ from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.rows import resampled
-from swath_sysid.attitude.prediction.state_space import BREAK, RIDGE, InnovationsFilter
+from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsFilter
 from swath_sysid.attitude.prediction.variate_analysis import ROWS_A_COEFFICIENT, identify, lag_gram, useful_channels
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
@@ -260,48 +260,3 @@ def needed_past(rows: np.ndarray, step: float, lead: float, longest: float) -> f
     left = gram[targets, targets] - np.cumsum(explained.reshape(lags, width, -1).sum(axis=1), axis=0)
     price = 2.0 * width * ahead / count * np.arange(1, lags + 1)
     return (1 + int(np.argmin(np.log(left).sum(axis=1) + len(targets) * price))) * every * step
-
-
-class UpstreamCandidate:
-    """A fit as a candidate of the bank: it reads every so many rows, and forecasts from each."""
-
-    def __init__(self, fit: UpstreamFit, rows: UpstreamRows, leads: np.ndarray, step: float) -> None:
-        self._space, self._every, self._delays, self._number = fit.space, fit.every, fit.delays, fit.newest
-        self._rows, self._leads, self._step = rows, leads, step
-        model = fit.space.model
-        self._channels = [k for k, name in enumerate(model.channels) if name in rows.names]
-        self._places = np.array(model.places)[self._channels]
-
-    @property
-    def strain(self) -> float:
-        """See `InnovationsFilter`."""
-        return self._space.strain
-
-    def step(self, row: np.ndarray) -> None:
-        """Take the next row of `CHANNELS`."""
-        self._number += 1
-        if self._number % self._every == 0:
-            whole = np.concatenate([row[: len(ATTITUDE)], self._rows.at(self._number, self._delays)])
-            self._space.step(self._without_outliers(whole))
-
-    def _without_outliers(self, whole: np.ndarray) -> np.ndarray:
-        """The row without upstream values that the model takes for impossible: they are lost, and nothing else is."""
-        m, p = self._space.model, self._space.state_covariance
-        c, k = m.c[self._channels], self._channels
-        error = (whole[self._places] - m.mean[k]) / m.scale[k] - c @ self._space.state
-        variance = np.diag(m.s)[k] + (0.0 if p is None else ((c @ p) * c).sum(axis=1))
-        whole[self._places[error * error > BREAK * variance]] = math.nan
-        return whole
-
-    def skip(self, count: int) -> None:
-        """Step over missing rows of the craft; the upstream channels may have theirs."""
-        for _ in range(count):
-            self.step(_NOTHING)
-
-    def forecast(self, leads: np.ndarray | None, age: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Readings (L, 4) and covariance (L, 4, 4); see `InnovationsFilter.forecast`."""
-        since = self._step * (self._number % self._every)
-        return self._space.forecast(self._leads if leads is None else leads, age + since)
-
-
-_NOTHING = np.full(len(ATTITUDE), math.nan)
