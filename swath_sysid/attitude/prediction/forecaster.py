@@ -167,6 +167,7 @@ class Forecaster:
         self.quiescence = s.quiescence  #: The limits in use.
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
         self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
+        self._valid: dict[str, float] | None = {}  # s; None where they were not asked for
         self._time = self._rows_begun = self._laid_out_at = self._stamp = 0.0
         self._heading = 0.0, 0.0
         self._due = self._refit_due = self._sea_state_due = -math.inf
@@ -578,13 +579,13 @@ class Forecaster:
         whole, now = self._up_to(furthest, bank, stamp_ns, is_judged or wanted.points)
         self._valid_leads.follow(self._time, now)
         horizon = whole.chosen(self._over_horizon) if whole is not None and is_whole else None
-        self._valid_leads.assess(horizon if wanted.valid_leads else None)
+        self._valid = None if horizon is None or not wanted.valid_leads else self._valid_leads.of(horizon)
         quiescence, window = math.nan, None
         if calm is not None and horizon is not None and of_calm:
             quiescence, window = calm.assess(self._time, horizon)
         elif calm is not None:
             calm.follow(self._time, now)
-        outlook = None if horizon is None else Outlook(quiescence, window, self._valid_leads.newest or {})
+        outlook = None if horizon is None else Outlook(quiescence, window, self._valid or {})
         count = int(np.searchsorted(s.leads, wanted.lead + _SAME_LEAD))
         places = self._asked if count == len(s.leads) else np.arange(self._leads.size)[self._asked][:count]
         return whole.chosen(places) if whole is not None and count else None, horizon, outlook
@@ -612,11 +613,12 @@ class Forecaster:
         """The running state, for operators."""
         count = len(self.settings.leads)
         state = diagnose(self._axes, self._bank, self._asked, count, self._clock.interval, self._has_waves)
-        if self._valid_leads.newest is None and self._bank is not None:
+        valid = self._valid
+        if valid is None and self._bank is not None:
             # nobody has asked for them since
             whole, _ = self._up_to(math.inf, self._bank, 0, True)
-            self._valid_leads.assess(whole and whole.chosen(self._over_horizon))
-        return replace(state, valid_leads=self._valid_leads.newest or {})
+            valid = whole and self._valid_leads.of(whole.chosen(self._over_horizon))
+        return replace(state, valid_leads=valid or {})
 
 
 def _with_motion(sample: CraftSample, axis: str, angle: float, rate: float) -> CraftSample:

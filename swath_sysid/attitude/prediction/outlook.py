@@ -198,10 +198,7 @@ class ValidLeads:
     """The valid lead of each axis and of the vertical motion of each point, over the horizon."""
 
     def __init__(self, limit: ErrorLimit, axes: Sequence[AxisFilter], memory: float) -> None:
-        self.limit = limit
-        #: s, by axis, and by `quantity_at` a point; None where they were not asked for.
-        self.newest: dict[str, float] | None = {}
-        self._axes, self._memory = axes, memory
+        self._limit, self._axes, self._memory = limit, axes, memory
         self._sizes: dict[str, tuple[MotionSize, ...]] = {}
         self._time = 0.0
 
@@ -213,19 +210,16 @@ class ValidLeads:
                 size.period = self._axes[0].size.period
                 size.follow(value, 0.0, elapsed)
 
-    def assess(self, ahead: Forecast | None) -> None:
-        """Find the valid leads, s, of the forecast over the horizon; None: they are not asked for."""
-        self.newest = None if ahead is None else self._of(ahead)
-
-    def _of(self, ahead: Forecast) -> dict[str, float]:
+    def of(self, ahead: Forecast) -> dict[str, float]:
+        """s, of the forecast over the horizon, by axis, and by `quantity_at` a point."""
         found = {}
         for name in ahead.axes:
             k = AXES.index(name)
-            limit = self.limit.of_angle(self._axes[k].size.present)
+            limit = self._limit.of_angle(self._axes[k].size.present)
             found[name] = valid_lead(ahead.leads, ahead.covariance[:, k, k], limit)
         for name, motion in ahead.points.items():
             for k, (kind, size) in enumerate(zip(AT_A_POINT, self._sizes_at(name), strict=True)):
-                limit = self.limit.share * size.present
+                limit = self._limit.share * size.present
                 found[quantity_at(name, kind)] = valid_lead(ahead.leads, motion.covariance[:, k, k], limit)
         return found
 

@@ -85,14 +85,14 @@ def point_motion(
     mean = np.stack([heave + h[0, 0] - level, velocity + velocity_of_turning, acceleration + turning(0, 0)], axis=1)
     if covariance is None:
         return PointMotion(place, mean, None)
-    jacobian = np.zeros((roll.size, 7, 9))
-    jacobian[:, (0, 1, 2, 3, 4, 5, 6), (0, 1, 2, 5, 6, 7, 8)] = 1.0
-    jacobian[:, 0, 5], jacobian[:, 0, 6] = h[1, 0], h[0, 1]
-    # the rows below are the derivatives in time of the row above: those in the rates are those in the angles there
-    jacobian[:, 1, 5] = h[2, 0] * roll_rate + h[1, 1] * pitch_rate
-    jacobian[:, 1, 6] = h[1, 1] * roll_rate + h[0, 2] * pitch_rate
-    jacobian[:, 1, 7], jacobian[:, 1, 8] = h[1, 0], h[0, 1]
-    jacobian[:, 2, 3], jacobian[:, 2, 4] = h[1, 0], h[0, 1]
-    jacobian[:, 2, 5], jacobian[:, 2, 6] = turning(1, 0), turning(0, 1)
-    jacobian[:, 2, 7], jacobian[:, 2, 8] = 2.0 * jacobian[:, 1, 5], 2.0 * jacobian[:, 1, 6]
+    of_accelerations, of_angles, of_rates = (slice(first, first + 2) for first in range(3, motion.shape[1], 2))
+    slope = np.stack([h[1, 0], h[0, 1]], axis=1)
+    changing = np.stack([h[2, 0] * roll_rate + h[1, 1] * pitch_rate, h[1, 1] * roll_rate + h[0, 2] * pitch_rate], axis=1)
+    jacobian = np.zeros((roll.size, mean.shape[1] + len(ATTITUDE), motion.shape[1]))
+    jacobian[:, : mean.shape[1], : mean.shape[1]] = np.eye(mean.shape[1])
+    jacobian[:, mean.shape[1] :, of_angles.start :] = np.eye(len(ATTITUDE))
+    # each row below is the derivative in time of the one above
+    jacobian[:, 0, of_angles] = jacobian[:, 1, of_rates] = jacobian[:, 2, of_accelerations] = slope
+    jacobian[:, 1, of_angles], jacobian[:, 2, of_rates] = changing, 2.0 * changing
+    jacobian[:, 2, of_angles] = np.stack([turning(1, 0), turning(0, 1)], axis=1)
     return PointMotion(place, mean, jacobian @ covariance @ jacobian.transpose(0, 2, 1))
