@@ -192,8 +192,7 @@ def test_points_have_valid_leads_of_their_own_motion():
         motion[0, :2] = 0.7 * math.sqrt(2.0) * math.sin(time), 1.2 * math.sqrt(2.0) * math.cos(time)
         bow = PointMotion((1.0, 0.0, 0.0), motion, spread)
         valid.follow(time, {'bow': bow})
-    valid.assess(Forecast(0, FINE, mean, covariance, points={'bow': bow}))
-    found = valid.newest
+    found = valid.of(Forecast(0, FINE, mean, covariance, points={'bow': bow}))
     assert set(found) == {'roll', 'bow.heave', 'bow.vertical_velocity'}
     # an error that grows with the lead exceeds the limit in 9 of 100 forecasts up to there
     assert found['roll'] == pytest.approx(2.0, abs=1e-6)

@@ -10,8 +10,9 @@ from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.bank import CANDIDATES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
+from swath_sysid.attitude.prediction.rows import OF_MEANS
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
-from swath_sysid.attitude.prediction.upstream import LONGEST_PAST, NEW_UPSTREAM, UPSTREAM, UpstreamRows, needed_past
+from swath_sysid.attitude.prediction.upstream import LONGEST_PAST, NEW_UPSTREAM, UPSTREAM, PastRows, needed_past
 from swath_sysid.common.errors import InputError
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.record_run import ArrivingSamples, UpstreamSeries, run_through, samples_of
@@ -19,6 +20,7 @@ from swath_sysid.pipeline.record_run import ArrivingSamples, UpstreamSeries, run
 STEP, TRAVEL, NOISE = 0.2, 4.0, 0.02
 LEADS = (1.0, 3.0, 6.0)
 RESONANCE = [1.0, -2.0 * 0.97 * math.cos(2.0 * math.pi * STEP / 4.0), 0.97**2]
+UNKNOWN = [math.nan] * OF_MEANS.stop
 SETTINGS = ForecasterSettings(leads=LEADS, horizon=6.0, horizon_step=1.0, forecast_rate=1.0)
 
 
@@ -38,11 +40,11 @@ def seeing(trial, stamps, values, *arrivals):
 
 
 def test_gaps_repetitions_and_samples_out_of_order_are_lost():
-    rows = UpstreamRows(('probe',), 400)
+    rows = PastRows(('probe',), 400)
     rows.lay_out(0.1, math.nan)
     for number in range(300):
         t = 0.1 * number
-        rows.append(t, 1)
+        rows.add(UNKNOWN, t)
         if not 5.0 < t < 10.0:
             rows.take('probe', t, math.nan if number % 10 == 3 else 1.0 if 15.0 < t < 20.0 else math.sin(t))
             rows.take('probe', t - 0.35, 7.0)
@@ -55,11 +57,11 @@ def test_gaps_repetitions_and_samples_out_of_order_are_lost():
 
 @pytest.mark.parametrize('ratio', [0.5, 2.0, 3.0])
 def test_rows_at_another_step_go_on_with_the_samples_that_have_come(ratio):
-    rows = UpstreamRows(('probe', 'late'), 600)
+    rows = PastRows(('probe', 'late'), 600)
     rows.lay_out(0.1, math.nan)
     stamps, count, step, sent = np.arange(0.0, 60.0, 0.05), 0, 0.1, 0
     while count * 0.1 < 30.0:
-        rows.append(count * 0.1, 1)
+        rows.add(UNKNOWN, count * 0.1)
         for stamp in stamps[sent : sent + 2]:
             rows.take('probe', stamp, math.sin(stamp))
             rows.take('late', stamp - 1.0, math.cos(stamp - 1.0))
@@ -68,7 +70,7 @@ def test_rows_at_another_step_go_on_with_the_samples_that_have_come(ratio):
     rows.lay_out(ratio * step, ratio)
     for number in range(1, round(20.0 / (ratio * step)) + 1):
         stamp = now + ratio * step * number
-        rows.append(stamp, 1)
+        rows.add(UNKNOWN, stamp)
         for at in stamps[(stamps > stamp - ratio * step + 1e-9) & (stamps <= stamp + 1e-9)]:
             rows.take('probe', at, math.sin(at))
             rows.take('late', at - 1.0, math.cos(at - 1.0))

@@ -21,7 +21,7 @@ from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
 from swath_sysid.attitude.prediction.sea_memory import MEMORY
 from swath_sysid.attitude.prediction.state_space import NIS_MEMORY, InnovationsFilter, InnovationsModel
-from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, UpstreamFit, UpstreamRows, candidates_of, without
+from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, PastRows, UpstreamFit, candidates_of, without
 from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import NEGLIGIBLE, THREE_STD
@@ -54,10 +54,10 @@ class Bank:
         axes: Sequence[AxisFilter],
         leads: np.ndarray,
         clock: RowClock,
-        upstream: UpstreamRows,
+        rows: PastRows,
         others: Mapping[str, Callable[[float, float], Candidate]],
     ) -> None:
-        self.channels = upstream.names  #: Upstream.
+        self.channels = rows.names  #: Upstream.
         #: Of the candidates; the upstream channels' come after our own, and then the ``others``.
         self.names = (*CANDIDATES, *candidates_of(self.channels), *others)
         self._place = {name: place for place, name in enumerate(self.names)}
@@ -67,7 +67,7 @@ class Bank:
         self.state = self.pool.begin(len(axes))
         self.spaces: dict[str, OnRows] = {}  #: State spaces of the craft's own channels.
         self._on_rows: dict[str, Candidate] = {}  # all but the hulls' filters, which follow every sample
-        self._upstream_rows, self._others = upstream, others
+        self._rows, self._others = rows, others
         # when upstream channels last helped, s, and at which place of the scores; whether they contradict that since
         self._helped, self._helped_at, self._is_contradicted = -math.inf, 0, False
         self._at_row = np.full((len(self.names), 1, len(ATTITUDE)), math.nan), np.empty(0)
@@ -142,9 +142,9 @@ class Bank:
         is_kept = self._keeps_upstream(time, memory)
         for name, fit in fits.items():
             if name == NEW_UPSTREAM or not is_kept:
-                beside = partial(self._upstream_rows.at, delays=fit.delays)
+                beside = partial(self._rows.beside, delays=fit.delays)
                 self._on_rows[name] = candidate = OnRows(fit.space, fit.every, fit.newest, beside)
-                for row in past[len(past) - (self._upstream_rows.newest - fit.newest) :]:
+                for row in past[len(past) - (self._rows.newest - fit.newest) :]:
                     candidate.take(row)
 
     def _keeps_upstream(self, time: float, memory: float) -> bool:
@@ -161,7 +161,7 @@ class Bank:
         if np.nanmin(ratio) < 1.0 / _CLEARLY:
             self._helped, self._helped_at, self._is_contradicted = time, int(np.nanargmin(ratio)), False
             if was_contradicted and is_recent:
-                self._upstream_rows.forget(int(since / self._step))
+                self._rows.forget(int(since / self._step))
         elif is_recent and ratio.flat[self._helped_at] > _CLEARLY:
             self._is_contradicted = True
         return (was_contradicted or self._is_contradicted) and is_recent

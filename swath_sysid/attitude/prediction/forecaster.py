@@ -34,7 +34,6 @@ from swath_sysid.attitude.prediction.rows import (
     ROWS_A_PERIOD,
     RowClock,
     Sampled,
-    resampled,
 )
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, SPARSE, WAVES, SeaFit, SeaRequest, newest_motion
 from swath_sysid.attitude.prediction.sea_memory import MEMORY, SeaMemory
@@ -42,12 +41,11 @@ from swath_sysid.attitude.prediction.sea_state import SeaReport
 from swath_sysid.attitude.prediction.state_space import InnovationsModel
 from swath_sysid.attitude.prediction.time_scale import TimeScale, period_of
 from swath_sysid.attitude.prediction.unmeasured_angle import Gravity
-from swath_sysid.attitude.prediction.upstream import UpstreamRows
+from swath_sysid.attitude.prediction.upstream import PastRows
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.conventions import THREE_STD
 from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError
-from swath_sysid.common.row_buffer import RowBuffer
 
 #: Of a sample: angle, rate, the variances of their noise, and the rate as the gyroscope has it.
 _OF_AXIS = {
@@ -160,8 +158,7 @@ class Forecaster:
         self._sampled = Sampled(0.0, 1)
         # the oldest forecast that is scored lies one longest lead behind the window
         capacity = math.ceil(s.window * ROWS_A_PERIOD * 1.25) + MOST_AHEAD
-        self._rows = RowBuffer(capacity, OF_MEANS.stop)
-        self._upstream = UpstreamRows(s.upstream, capacity)
+        self._rows = PastRows(s.upstream, capacity)
         axes = tuple(self._axes.values())
         self._points = PointForecaster(s.points, axes, 2 * MOST_AHEAD)
         self.quiescence = s.quiescence  #: The limits in use.
@@ -219,7 +216,7 @@ class Forecaster:
         Raises:
             InputError: The settings have no channel of this name.
         """
-        self._upstream.take(name, stamp, value)
+        self._rows.take(name, stamp, value)
 
     def observe(
         self, sample: CraftSample, stamp: float, elapsed: float | None, count: int = 1, left_out: int = 0
@@ -301,9 +298,9 @@ class Forecaster:
         for axis in self._axes.values():
             axis.size.restart()
         if self._bank is not None:
-            self._upstream.skip(2 * MAX_LAGS)
             self._bank.reset()
-        self._skip_rows(2 * MAX_LAGS - 1)
+            self._rows.break_off(2 * MAX_LAGS - 1)
+            self._predict(self._bank, 2 * MAX_LAGS - 1)
         self._steps = 1
         self._clock.pause()
         self._clock.sensor.restart()
@@ -355,17 +352,11 @@ class Forecaster:
             if self._clock.corrected():
                 self._begin_rows()
         elif self._clock.lay_out(self._scale.period):
-            past = self._rows.last().copy()
-            ratio = self._clock.step / before
-            self._rows.clear()
-            for row in resampled(past, ratio) if len(past) else ():
-                self._rows.append(row)
-            self._upstream.lay_out(self._clock.step, ratio)
+            self._rows.lay_out(self._clock.step, self._clock.step / before)
             if before != before:
                 self._rows_begun, self._sea_state_due = self._time, self._time + SEA_STATE_INTERVAL
                 if self._clock.samples == 1 and self._first is not None:
-                    self._rows.append(self._clock.first(self._first))
-                    self._upstream.append(self._stamp - self._sampled.elapsed, 1)
+                    self._rows.add(self._clock.first(self._first), self._stamp - self._sampled.elapsed)
             self._begin_rows()
         elif self._bank is not None:
             self._follow_period(self._bank)
@@ -386,9 +377,7 @@ class Forecaster:
     def _begin_rows(self):
         """Begin with another step, which makes all that was learnt in rows invalid."""
         step, before = self._clock.step, self._bank
-        self._bank = Bank(
-            tuple(self._axes.values()), self._leads, self._clock, self._upstream, self.settings.candidates
-        )
+        self._bank = Bank(tuple(self._axes.values()), self._leads, self._clock, self._rows, self.settings.candidates)
         if before is not None:
             self._bank.carry_over(before)
         self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
@@ -407,19 +396,18 @@ class Forecaster:
 
     def _take_row(self, bank: Bank, steps: int, stamp: float, row: list[float]):
         """Take the next row, the given number of steps after the one before."""
-        self._upstream.append(stamp, steps)
-        self._skip_rows(steps - 1)
-        self._rows.append(row)
+        self._rows.add(row, stamp, steps)
+        self._predict(bank, steps - 1)
         channels = np.array(row[OF_CHANNELS])
         bank.take(channels)
         self._points.step(channels, bank.waves)
         bank.score(np.array(row[OF_SAMPLE][: len(AXES)]))
 
-    def _skip_rows(self, count: int):
-        if count > 0 and self._bank is not None:
-            self._rows.skip(count)
-            self._bank.predict(count)
-            self._points.skip(count, self._bank.waves)
+    def _predict(self, bank: Bank, count: int):
+        """Go on over so many missing rows."""
+        if count > 0:
+            bank.predict(count)
+            self._points.skip(count, bank.waves)
 
     @property
     def _window(self):
@@ -463,7 +451,7 @@ class Forecaster:
             excitations,
             self._points.request(self._clock, self._rows.newest),
             self._time >= self._sea_state_due,
-            self._upstream.request(
+            self._rows.request(
                 len(past),
                 int(MEMORY_OF_SIZE * self._clock.period / self._clock.step),
                 self._leads[-1] + self._clock.step,
@@ -617,7 +605,7 @@ class Forecaster:
         if valid is None and self._bank is not None:
             # nobody has asked for them since
             whole, _ = self._up_to(math.inf, self._bank, 0, True)
-            valid = whole and self._valid_leads.of(whole.chosen(self._over_horizon))
+            valid = None if whole is None else self._valid_leads.of(whole.chosen(self._over_horizon))
         return replace(state, valid_leads=valid or {})
 
 

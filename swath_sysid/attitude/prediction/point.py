@@ -87,7 +87,9 @@ def point_motion(
         return PointMotion(place, mean, None)
     of_accelerations, of_angles, of_rates = (slice(first, first + 2) for first in range(3, motion.shape[1], 2))
     slope = np.stack([h[1, 0], h[0, 1]], axis=1)
-    changing = np.stack([h[2, 0] * roll_rate + h[1, 1] * pitch_rate, h[1, 1] * roll_rate + h[0, 2] * pitch_rate], axis=1)
+    changing = np.stack(
+        [h[2, 0] * roll_rate + h[1, 1] * pitch_rate, h[1, 1] * roll_rate + h[0, 2] * pitch_rate], axis=1
+    )
     jacobian = np.zeros((roll.size, mean.shape[1] + len(ATTITUDE), motion.shape[1]))
     jacobian[:, : mean.shape[1], : mean.shape[1]] = np.eye(mean.shape[1])
     jacobian[:, mean.shape[1] :, of_angles.start :] = np.eye(len(ATTITUDE))

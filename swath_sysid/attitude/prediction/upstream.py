@@ -14,7 +14,7 @@ from scipy.linalg import cholesky, solve_triangular
 from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.point import ATTITUDE
-from swath_sysid.attitude.prediction.rows import resampled
+from swath_sysid.attitude.prediction.rows import OF_MEANS, resampled
 from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsFilter
 from swath_sysid.attitude.prediction.variate_analysis import ROWS_A_COEFFICIENT, identify, lag_gram, useful_channels
 from swath_sysid.common.errors import InputError
@@ -90,36 +90,35 @@ class _Series:
         return first + (stamp - before) / (after - before) * (second - first)
 
 
-class UpstreamRows:
-    """Named series at the craft's rows, by their stamps; a row's values may come after the row."""
+class PastRows(RowBuffer):
+    """The newest rows of the craft and, in their last columns, of named series: a row's values may come after it."""
 
     def __init__(self, names: Sequence[str], capacity: int) -> None:
         if len(set(names)) < len(names):
             raise InputError(f'an upstream channel is given twice ({", ".join(names)}): name each once')
         self.names = tuple(names)
         self.delays = [0] * len(names)  #: Rows that a model waits for each series.
-        # stamp, values, and rows that the values came late
-        self._rows = RowBuffer(capacity if names else 1, 1 + 2 * len(names))
         self._step = math.nan
         self._series = {name: _Series() for name in names}
+        # stamp, values, and rows that the values came late
+        self._unknown = [math.nan] * (1 + 2 * len(names))
+        super().__init__(capacity, OF_MEANS.stop + len(self._unknown))
 
     @property
-    def newest(self) -> int:
-        """Number of the newest row."""
-        return self._rows.newest
+    def _values(self) -> slice:
+        return slice(OF_MEANS.stop + 1, OF_MEANS.stop + 1 + len(self.names))
 
     def lay_out(self, step: float, ratio: float) -> None:
         """Go on with rows of another step, s, so many times that of before."""
-        self._step, past = step, self._rows.last().copy()
+        self._step, past, newest = step, self.last().copy(), self.newest
+        self.clear()
         if len(past):
-            newest, count = self.newest, len(self.names)
-            rows = resampled(past, ratio)
-            rows[:, 1 + count :] /= ratio
-            self._rows.clear()
-            for row in rows:
-                self._rows.append(row)
-            for series in self._series.values():
-                series.next = self.newest + 1 - round((newest + 1 - series.next) / ratio)
+            past = resampled(past, ratio)
+            past[:, self._values.stop :] /= ratio
+        for row in past:
+            self.append(row)
+        for series in self._series.values():
+            series.next = self.newest + 1 - round((newest + 1 - series.next) / ratio) if len(past) else 0
 
     def take(self, name: str, stamp: float, value: float) -> None:
         """Take a sample of a series, stamped in s on the clock of the rows."""
@@ -130,49 +129,51 @@ class UpstreamRows:
         if self._step == self._step:
             self._series[name].take(stamp, value, self._step)
 
-    def append(self, stamp: float, steps: int) -> None:
-        """Add the row of a stamp, s, which is so many steps after the one before, and those between."""
-        count = len(self.names)
-        unknown = [math.nan] * (2 * count)
-        self._rows.skip(max(0, steps - self._rows.capacity))
-        for behind in range(min(steps, self._rows.capacity) - 1, -1, -1):
-            self._rows.append((stamp - behind * self._step, *unknown))
-        rows = self._rows.last()
-        first = self.newest + 1 - len(rows)
-        for place, series in enumerate(self._series.values(), 1):
+    def add(self, row: Sequence[float], stamp: float, steps: int = 1) -> None:
+        """Add the craft's row of a stamp, s, which is so many steps after the one before, and those between."""
+        self.skip(steps - 1)
+        self.append([*row, *self._unknown])
+        rows, place = self.last(), OF_MEANS.stop
+        since = rows[-steps:]
+        since[:, place] = stamp - self._step * np.arange(len(since))[::-1]
+        first, count = self.newest + 1 - len(rows), len(self.names)
+        for column, series in enumerate(self._series.values(), place + 1):
             for number in range(max(series.next, first), self.newest + 1):
-                value = series.at(rows.item(number - first, 0))
+                value = series.at(rows.item(number - first, place))
                 if value is None:
                     break
-                rows[number - first, place], rows[number - first, place + count] = value, self.newest - number
+                rows[number - first, column], rows[number - first, column + count] = value, self.newest - number
                 series.next = number + 1
 
-    def skip(self, count: int) -> None:
-        """Add rows of which nothing is known, and forget the samples before them."""
-        self._rows.skip(count)
+    def break_off(self, count: int) -> None:
+        """Add rows of which nothing is known, and forget the samples of the series before them."""
+        self.skip(count)
         self._series = {name: _Series() for name in self.names}
         for series in self._series.values():
             series.next = self.newest + 1
 
     def forget(self, count: int) -> None:
-        """Take the newest values for lost."""
-        self._rows.last(count)[:, 1 : 1 + len(self.names)] = math.nan
+        """Take the newest values of the series for lost."""
+        self.last(count)[:, self._values] = math.nan
 
-    def at(self, number: int, delays: Sequence[int]) -> list[float]:
-        """Values of a row, each of as many rows before."""
-        rows = self._rows.last()
+    def beside(self, number: int, delays: Sequence[int]) -> list[float]:
+        """Values of the series at a row, each of as many rows before."""
+        rows = self.last()
         places = [number - self.newest - 1 - delay for delay in delays]
-        return [rows.item(p, k) if -len(rows) <= p < 0 else math.nan for k, p in enumerate(places, 1)]
+        return [
+            rows.item(p, column) if -len(rows) <= p < 0 else math.nan
+            for column, p in enumerate(places, self._values.start)
+        ]
 
     def request(self, count: int, shown: int, horizon: float) -> 'UpstreamRequest | None':
         """What a fit of the newest ``count`` rows needs to know; the delays are those of the newest ``shown``."""
         if not self.names:
             return None
-        rows, width = self._rows.last(count), len(self.names)
-        for place, late in enumerate(self._rows.last(shown)[:, 1 + width :].T):
+        for place, late in enumerate(self.last(shown)[:, self._values.stop :].T):
             if np.isfinite(late).any():
                 self.delays[place] = math.ceil(np.nanquantile(late, _IN_TIME))
-        return UpstreamRequest(self.names, rows[:, 1 : 1 + width].copy(), tuple(self.delays), self.newest, horizon)
+        values = self.last(count)[:, self._values].copy()
+        return UpstreamRequest(self.names, values, tuple(self.delays), self.newest, horizon)
 
 
 @dataclass(frozen=True)
