@@ -27,7 +27,7 @@ from swath_sysid.attitude.identification.problem import decays_or_waves, prepare
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
+from swath_sysid.attitude.prediction.memories import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.common.conventions import REJECTED
 from swath_sysid.common.errors import InputError

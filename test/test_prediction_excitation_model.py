@@ -14,8 +14,8 @@ from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.prediction import excitation_model as excitation
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest, HullFilter, HullPrior
-from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
 from swath_sysid.attitude.prediction.hull_track import HULL_STATES
+from swath_sysid.attitude.prediction.memories import USUAL_PERIOD
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 

@@ -11,7 +11,7 @@ from scipy import stats
 
 from swath_sysid.attitude.prediction import pool as constants
 from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, LATELY
-from swath_sysid.attitude.prediction.hull_state import MEMORY_OF_SIZE, USUAL_PERIOD
+from swath_sysid.attitude.prediction.memories import MEMORY_OF_SIZE, USUAL_PERIOD
 from swath_sysid.attitude.prediction.pool import Pool, PoolState
 
 STEP, PERIOD = 0.1, USUAL_PERIOD

@@ -11,7 +11,7 @@ from repository import ROOT
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
+from swath_sysid.attitude.prediction.memories import USUAL_PERIOD
 from swath_sysid.attitude.prediction.rows import (
     _NEW_STEP,
     CHANNELS,

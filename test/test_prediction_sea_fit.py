@@ -12,7 +12,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.prediction.forecaster import Forecaster, ForecasterSettings
-from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
+from swath_sysid.attitude.prediction.memories import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.rows import CHANNELS, ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.sea_fit import (

@@ -11,7 +11,7 @@ from scipy.linalg import cho_factor, cho_solve
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction import sea_library
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE
+from swath_sysid.attitude.prediction.memories import LEAST_SIZE
 from swath_sysid.attitude.prediction.sea_library import TEMPER, Predictors, SeaLibrary, seas
 from swath_sysid.pipeline.record_run import run_through
 

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.bank import CANDIDATES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
+from swath_sysid.attitude.prediction.memories import USUAL_PERIOD
 from swath_sysid.attitude.prediction.rows import OF_MEANS
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.attitude.prediction.upstream import LONGEST_PAST, NEW_UPSTREAM, UPSTREAM, PastRows, needed_past

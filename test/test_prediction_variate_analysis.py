@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from swath_sysid.attitude.prediction import variate_analysis as analysis
 from swath_sysid.attitude.prediction.candidate import OnRows
-from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
+from swath_sysid.attitude.prediction.memories import USUAL_PERIOD
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
 from swath_sysid.attitude.prediction.time_scale import period_of
 

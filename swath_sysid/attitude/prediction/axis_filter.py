@@ -10,8 +10,8 @@ import numpy as np
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.channels import Channels, Motion
 from swath_sysid.attitude.prediction.hull_filter import HullFilter, HullFilterSettings
-from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE, MEMORY_OF_SIZE, NOW, USUAL_PERIOD
 from swath_sysid.attitude.prediction.hull_watch import HullWatch
+from swath_sysid.attitude.prediction.memories import LEAST_SIZE, MEMORY_OF_SIZE, NOW, USUAL_PERIOD
 from swath_sysid.attitude.prediction.unmeasured_angle import UnmeasuredAngle
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import THREE_STD

@@ -14,13 +14,14 @@ from swath_sysid.attitude.prediction.candidate import Candidate, OnRows
 from swath_sysid.attitude.prediction.forecast import Forecast
 from swath_sysid.attitude.prediction.hull_filter import CONVINCING, HEALTHY_STRAIN
 from swath_sysid.attitude.prediction.hull_state import TRIM
+from swath_sysid.attitude.prediction.memories import NIS_MEMORY
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.pool import Pool
 from swath_sysid.attitude.prediction.rows import AT_ONCE, RowClock
 from swath_sysid.attitude.prediction.sea_fit import LONG_WAVES, NEW_WAVES, WAVES
 from swath_sysid.attitude.prediction.sea_library import SeaLibrary
 from swath_sysid.attitude.prediction.sea_memory import MEMORY
-from swath_sysid.attitude.prediction.state_space import NIS_MEMORY, InnovationsFilter, InnovationsModel
+from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel
 from swath_sysid.attitude.prediction.upstream import NEW_UPSTREAM, PastRows, UpstreamFit, candidates_of, without
 from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.advice import Advice

@@ -21,8 +21,8 @@ from swath_sysid.attitude.prediction.bank import HULLS, Bank, ForecasterDiagnost
 from swath_sysid.attitude.prediction.candidate import Candidate
 from swath_sysid.attitude.prediction.forecast import Forecast, Wanted
 from swath_sysid.attitude.prediction.hull_filter import CONVINCING, ExcitationRequest, HullFilterSettings
-from swath_sysid.attitude.prediction.hull_state import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.hull_watch import HullLook
+from swath_sysid.attitude.prediction.memories import LONGEST_BRIDGED, NEW_SEA, WELL_LEARNT
 from swath_sysid.attitude.prediction.outlook import CalmForecaster, ErrorLimit, Outlook, PointForecaster, ValidLeads
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
@@ -65,10 +65,6 @@ _SAME_LEAD = 1e-6  # s
 
 #: Of a past, after which what is learnt of it is learnt anew; periods at most and, for the first forecasts, at least.
 _REFIT_SHARE, _LONGEST_REFIT_INTERVAL = 0.2, 6.2
-
-
-#: Periods of a past that teach as much of a sea as a longer one.
-_WELL_LEARNT = 100.0
 
 
 @checked
@@ -233,7 +229,7 @@ class Forecaster:
         if is_step:
             since = usual
         # after a longer silence the motion is forgotten, hull and sea are not
-        linked = since <= MEMORY_OF_SIZE * self._scale.period
+        linked = since <= LONGEST_BRIDGED * self._scale.period
         self._stamp, self._sampled = stamp, Sampled(0.0, 1)
         if linked:
             self._sampled = self._clock.sensor.follow(since, 1 + left_out)
@@ -262,7 +258,7 @@ class Forecaster:
         """Whether the motion has gone on by ``usual`` s only, while the stamps have by ``elapsed`` s."""
         if not abs(elapsed - usual) > self._scale.period / ROWS_A_PERIOD:
             return False
-        elapsed = min(elapsed, MEMORY_OF_SIZE * self._scale.period)
+        elapsed = min(elapsed, LONGEST_BRIDGED * self._scale.period)
         evidence = 0.0
         for name, axis in self._axes.items():
             angle, rate, *_ = _OF_AXIS[name](sample)
@@ -453,7 +449,7 @@ class Forecaster:
             self._time >= self._sea_state_due,
             self._rows.request(
                 len(past),
-                int(MEMORY_OF_SIZE * self._clock.period / self._clock.step),
+                int(NEW_SEA * self._clock.period / self._clock.step),
                 self._leads[-1] + self._clock.step,
             ),
             self._next_look(excitations),
@@ -514,7 +510,7 @@ class Forecaster:
     def _remember(self, bank: Bank, waves: InnovationsModel, time: float) -> None:
         """Keep a fit of a past up to a time, s, as the memory where it is as long; the old one has served then."""
         periods = min(self.settings.window, (time - self._rows_begun) / self._clock.period)
-        if periods >= min(_WELL_LEARNT, self.memory.periods if self.memory else 0.0):
+        if periods >= min(WELL_LEARNT, self.memory.periods if self.memory else 0.0):
             self.memory = SeaMemory(self._clock.period, periods, waves)
             bank.forget(MEMORY)
 

@@ -27,15 +27,8 @@ from swath_sysid.attitude.hull.decay_model import DecayModel, composed
 from swath_sysid.attitude.hull.identified_model import HullPosterior, IdentifiedModel
 from swath_sysid.attitude.hull.simulation import term_moments
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES
-from swath_sysid.attitude.prediction.hull_state import (
-    ANGLE,
-    HULL_STATES,
-    LARGEST_JUMP,
-    OF_HULL,
-    RATE,
-    TRIM,
-    USUAL_PERIOD,
-)
+from swath_sysid.attitude.prediction.hull_state import ANGLE, HULL_STATES, LARGEST_JUMP, OF_HULL, RATE, TRIM
+from swath_sysid.attitude.prediction.memories import USUAL_PERIOD
 from swath_sysid.attitude.prediction.modal_moment import ModalMoment, markov_moment, sum_of_moments
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import THREE_STD

@@ -7,11 +7,10 @@ import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.prediction.memories import HULL_MEMORY
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import THREE_STD
 from swath_sysid.common.errors import InputError
-
-NEWEST = 90.0  #: Periods of the motion in which a change shows while the whole past still hides it.
 
 
 class HullLook(NamedTuple):
@@ -19,7 +18,7 @@ class HullLook(NamedTuple):
 
     axis: str
     identified: IdentifiedModel
-    is_newest: bool  #: By the `NEWEST` part of the past alone.
+    is_newest: bool  #: By the `HULL_MEMORY` part of the past alone.
 
 
 class Ratio(NamedTuple):
@@ -93,7 +92,7 @@ def hull_change(look: HullLook, motion: AxisMotion, period: float) -> HullChange
     from swath_sysid.attitude.identification.fit_quality import amplitude_bands
 
     identified = look.identified
-    newest = NEWEST * period
+    newest = HULL_MEMORY * period
     # of a young past it is the whole
     is_newest = look.is_newest or motion.duration <= newest
     if is_newest:

@@ -10,7 +10,7 @@ from scipy.special import ndtr
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.axis_filter import AxisFilter, MotionSize
 from swath_sysid.attitude.prediction.forecast import MISSES, Forecast
-from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE
+from swath_sysid.attitude.prediction.memories import LEAST_SIZE
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion, point_motion
 from swath_sysid.attitude.prediction.quiescence import AT_A_POINT, CalmWindow, Quiescence, QuiescenceLimits, quantity_at
 from swath_sysid.attitude.prediction.rows import CHANNELS, OF_SAMPLE, RowClock

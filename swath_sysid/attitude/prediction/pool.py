@@ -24,7 +24,7 @@ import numpy as np
 
 from swath_sysid.attitude.prediction.axis_filter import CREDIBLE, LATELY
 from swath_sysid.attitude.prediction.forecast import MISSES, NORMAL_QUANTILES, Forecast
-from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE, MEMORY_OF_SIZE
+from swath_sysid.attitude.prediction.memories import LEAST_SIZE, MEMORY_OF_SIZE
 from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.conventions import NEGLIGIBLE
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from swath_sysid.attitude.prediction.hull_state import MEMORY_OF_SIZE, USUAL_PERIOD
+from swath_sysid.attitude.prediction.memories import MEMORY_OF_SIZE, USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
 from swath_sysid.common.conventions import THREE_STD
 from swath_sysid.common.errors import InputError

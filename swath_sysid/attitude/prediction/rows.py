@@ -17,7 +17,7 @@ import numpy as np
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.stamps import JITTER
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.hull_state import USUAL_PERIOD
+from swath_sysid.attitude.prediction.memories import USUAL_PERIOD
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.state_space import cubic_weights
 from swath_sysid.common.conventions import THREE_STD

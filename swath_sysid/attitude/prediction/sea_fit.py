@@ -9,8 +9,8 @@ from swath_sysid.attitude.motion.trial import AXES, AxisMotion
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.attitude.prediction.excitation_model import ExcitationFit, fit_excitation
 from swath_sysid.attitude.prediction.hull_filter import ExcitationRequest
-from swath_sysid.attitude.prediction.hull_state import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.hull_watch import HullChange, HullLook, hull_change
+from swath_sysid.attitude.prediction.memories import NEW_SEA
 from swath_sysid.attitude.prediction.point import ATTITUDE
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.sea_state import SeaReport, sea_report
@@ -78,8 +78,7 @@ def fit_sea(request: SeaRequest) -> SeaFit:
         True
     """
     past, names, step, period = request.values, request.names, request.step, request.period
-    # a new sea shows in what sizes are measured over
-    newest = past[-round(MEMORY_OF_SIZE * period / step) :]
+    newest = past[-round(NEW_SEA * period / step) :]
     new = identify(newest, names, step, period) if len(newest) < len(past) else None
     waves: dict[str, InnovationsModel | None] = {
         WAVES: identify(past, names, step, period),

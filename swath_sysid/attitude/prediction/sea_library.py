@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE
+from swath_sysid.attitude.prediction.memories import LEAST_SIZE, LIFETIME, NIS_MEMORY
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
-from swath_sysid.attitude.prediction.state_space import CONTRADICTED, NIS_MEMORY, cubic_weights
+from swath_sysid.attitude.prediction.state_space import CONTRADICTED, cubic_weights
 from swath_sysid.attitude.prediction.variate_analysis import MAX_LAGS
 from swath_sysid.common.accelerator import accelerated
 from swath_sysid.common.conventions import NEGLIGIBLE
@@ -38,8 +38,6 @@ RANGES = (
     (0.002, 0.1),
     (0.1, 30.0),
 )
-
-LIFETIME = 12.0  #: Periods after which all members begin again; half as long after that these take over.
 
 TEMPER = 0.3  #: Of the logarithm of a likelihood: no sea is quite like any member.
 

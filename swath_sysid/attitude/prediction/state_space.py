@@ -22,7 +22,6 @@ _DIFFERENCE = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 RIDGE = 1e-8
 # a state whose errors are this much less than the innovations (in variance) is known
 _KNOWN = 1e-4
-NIS_MEMORY = 0.31  #: Periods over which the innovations of the targets are averaged.
 #: A ratio beyond which a candidate knows nothing of the present motion.
 CONTRADICTED = 25.0
 #: An error this many times (in variance) what was expected is not an innovation: the motion was broken off.

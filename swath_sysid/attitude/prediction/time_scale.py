@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 
-from swath_sysid.attitude.prediction.hull_state import NOW, USUAL_PERIOD
+from swath_sysid.attitude.prediction.memories import LOOKED_AT, NOW, USUAL_PERIOD
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 
 _FIRST_LOOK = 0.25  #: Periods of motion; doubled from look to look until it is settled, and one from then on.
 #: Periods of motion: any part of a slower one, where it turns, seems to have lasted for less.
 _CONCLUSIVE = 1.25
-_PAST = 30.0  #: Periods that are looked at, about the means of every `NOW`.
 _LEAST_SAMPLES = 10.0  #: A period; whoever chooses a sensor expects to see the motion.
 #: Relative differences from which another period is taken: at first, until it is settled, and for another sea.
 _EARLY, _SETTLED, _OTHER = 0.15, 0.05, 0.4
@@ -79,7 +78,7 @@ class TimeScale:
 
     def past(self, age: float) -> tuple[float, float]:
         """s of the past to look at, and of the blocks that it is looked at in."""
-        return min(age, _PAST * self.period), NOW * self.period
+        return min(age, LOOKED_AT * self.period), NOW * self.period
 
     def follow(self, found: float, age: float) -> bool:
         """Take the period, s, of the past after so many s of samples; whether another one is used from now on.

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, tilt_angles
 from swath_sysid.attitude.motion.sensor_checks import GRAVITY_TOLERANCE
-from swath_sysid.attitude.prediction.hull_state import LEAST_SIZE, MEMORY_OF_SIZE, NOW, USUAL_PERIOD
+from swath_sysid.attitude.prediction.memories import LEAST_SIZE, MEMORY_OF_SIZE, NOW, USUAL_PERIOD
 
 #: rad/s, and rad/s/sqrt(s): the bias of an inexpensive gyroscope, and its random walk.
 GYRO_BIAS_STD, GYRO_BIAS_WALK = 0.03, 1e-4

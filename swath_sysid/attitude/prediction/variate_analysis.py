@@ -12,7 +12,7 @@ import numpy as np
 from scipy import fft
 from scipy.linalg import cholesky, eigh, solve_triangular
 
-from swath_sysid.attitude.prediction.hull_state import NOW
+from swath_sysid.attitude.prediction.memories import NOW
 from swath_sysid.attitude.prediction.rows import ROWS_A_PERIOD
 from swath_sysid.attitude.prediction.state_space import RIDGE, InnovationsModel, side_by_side, whole_lags
 

@@ -20,7 +20,7 @@ from swath_sysid.attitude.motion.vertical import (
     vertical_acceleration,
     zero_phase_integral,
 )
-from swath_sysid.attitude.prediction.hull_state import MEMORY_OF_SIZE
+from swath_sysid.attitude.prediction.memories import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
 from swath_sysid.attitude.prediction.sea_state import MIN_DURATION
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel, cubic_weights
