@@ -116,19 +116,6 @@ def test_a_forecast_while_nothing_comes_grows_to_the_motions_own_spread():
     assert ours.ahead(np.array([0.5]) / STEP)[0][0] == pytest.approx(model.mean, abs=1e-4)
 
 
-@pytest.mark.parametrize('count', [1, 4, 5, 128])
-def test_a_long_gap_is_as_many_missing_rows(count):
-    model = _model(4)
-    stepped, skipped = (_filter(model, _rows(model, 200)) for _ in range(2))
-    for _ in range(count):
-        stepped.take(np.full(3, np.nan))
-    OnRows(skipped).predict(count)
-    for ours, wanted in zip(
-        skipped.ahead(np.array([0.1, 0.25, 1.0]) / STEP), stepped.ahead(np.array([0.1, 0.25, 1.0]) / STEP), strict=True
-    ):
-        assert ours == pytest.approx(wanted, rel=1e-9, abs=1e-12)
-
-
 def test_after_complete_rows_the_state_is_known_again_and_a_break_in_the_motion_voids_the_past():
     model = _model(5)
     rows = _rows(model, 300)
