@@ -394,7 +394,7 @@ def test_after_a_restart_the_next_sample_is_a_row():
     clock = RowClock()
     rows_of(clock, clock_ticks(100.0, 204))
     assert 0.0 < clock.since_row < clock.step
-    clock.restart()
+    clock.reset()
     ((age, row),) = clock.take(sample_at(5.0), Sampled(0.0, 1), (None, None))
     assert age == 0.0 and clock.since_row == 0.0
     np.testing.assert_allclose(row[OF_MEANS], motion(5.0))

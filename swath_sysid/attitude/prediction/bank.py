@@ -106,6 +106,11 @@ class Bank:
         """The state space of the whole past, once there is one."""
         return self.spaces[WAVES].space if WAVES in self.spaces else None
 
+    @property
+    def has_waves(self) -> bool:
+        """Whether a state space of the waves is in use that the present rows have taught."""
+        return bool(self.spaces.keys() - {MEMORY})
+
     def set_period(self, period: float) -> None:
         """Count memories in another period of the motion, s."""
         self._period = period
@@ -349,11 +354,12 @@ class ForecasterDiagnostics:
 
 
 def diagnose(
-    axes: Mapping[str, AxisFilter], bank: Bank | None, asked: Any, count: int, interval: float, has_waves: bool
+    axes: Mapping[str, AxisFilter], bank: Bank | None, asked: Any, count: int, interval: float
 ) -> ForecasterDiagnostics:
     """The running state at ``count`` leads, the places ``asked`` of the bank's; errors are NaN before any row."""
     started = {name: axis for name, axis in axes.items() if axis.hull.is_started}
     advice = tuple(Advice.of('no-model', axis=name) for name, axis in started.items() if axis.identified is None)
+    has_waves = bank is not None and bank.has_waves
     if not has_waves:
         advice += (Advice.of('no-waves'),)
     advice += tuple(note for axis in axes.values() for note in axis.advice())

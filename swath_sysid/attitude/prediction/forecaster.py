@@ -165,11 +165,9 @@ class Forecaster:
         self._heading = 0.0, 0.0
         self._due = self._refit_due = self._sea_state_due = -math.inf
         self._looks = 0
-        self._is_linked = False
         self._steps = 0  #: Since the newest row, where some are missing.
-        self._has_waves = False
         self._bank: Bank | None = None
-        self._first: CraftSample | None = None
+        self._first: CraftSample | None = None  #: Of the motion that is followed.
         self._believed: CraftSample | None = None  #: The newest one, about the level that the filters follow.
         self._waiting: SeaFit | None = None
         self.memory: SeaMemory | None = None  #: What a longer past has taught.
@@ -223,12 +221,12 @@ class Forecaster:
         one before, of which ``left_out`` were not wanted. The step holds what is known at once, the forecast one sample
         ahead; `issue` must complete it before the next sample.
         """
-        since = elapsed if self._is_linked and elapsed is not None else math.inf
+        # 1. when it was taken: a step of the clock is no time, and after a long silence the motion is another one
+        since = math.inf if self._first is None or elapsed is None else elapsed
         usual = count * self._clock.interval
-        is_step = self._is_linked and self._clock_has_stepped(sample, usual, since)
+        is_step = self._first is not None and self._clock_has_stepped(sample, usual, since)
         if is_step:
             since = usual
-        # after a longer silence the motion is forgotten, hull and sea are not
         linked = since <= LONGEST_BRIDGED * self._scale.period
         self._stamp, self._sampled = stamp, Sampled(0.0, 1)
         if linked:
@@ -238,15 +236,17 @@ class Forecaster:
         else:
             self._break_off()
             self._first = sample
+        # 2. what of it is believed, by the filter of each axis
         sample, refused = self._follow_axes(sample, self._sampled, linked)
         self._believed = sample
         reasons = ((STEPPED,) if is_step else ()) + refused
-        # the heading is not forecast: the last one measured is held
+        # 3. the heading is not forecast: the last one measured is held
         yaw, yaw_rate = self._heading
         self._heading = (
             sample.yaw if sample.yaw == sample.yaw else yaw,
             sample.yaw_rate if sample.yaw_rate == sample.yaw_rate else yaw_rate,
         )
+        # 4. the forecast one sample ahead, and the sample about the sensor's own level
         ahead = None if self._bank is None else self._ahead(self._bank, sample.stamp_ns)
         for (name, axis), angle in zip(self._axes.items(), sample[1:3], strict=True):
             if axis.channels.level:
@@ -270,7 +270,9 @@ class Forecaster:
         sample, bank = step.sample, self._bank
         if sample is None or bank is None:
             return step
+        # 1. a fit whose time has come, before the rows that follow it
         sea = self._take_over(bank)
+        # 2. the rows that the sample completes
         filtered = [axis.motion if axis.hull.is_started else None for axis in self._axes.values()]
         unknown = [axis.unmeasured.is_unknown for axis in self._axes.values()]
         for age, row in self._clock.take(self._believed or sample, self._sampled, filtered, unknown):
@@ -278,7 +280,7 @@ class Forecaster:
             if row is not None:
                 self._take_row(bank, self._steps, self._stamp - age, row)
                 self._steps = 0
-        # after missing rows the first one shows what can be forecast
+        # 3. what is due; after missing rows the first one shows what can be forecast
         if self._time < self._due or self._steps:
             return step if sea is None else step._replace(sea=sea)
         bank = self._look_at_period(bank)
@@ -289,7 +291,6 @@ class Forecaster:
 
     def _break_off(self):
         """Forget the motion after a break; what is known of hull and sea stays."""
-        self._is_linked = True
         self._due = -math.inf
         for axis in self._axes.values():
             axis.size.restart()
@@ -298,10 +299,9 @@ class Forecaster:
             self._rows.break_off(2 * MAX_LAGS - 1)
             self._predict(self._bank, 2 * MAX_LAGS - 1)
         self._steps = 1
-        self._clock.pause()
-        self._clock.sensor.restart()
+        self._clock.reset(is_next_row=False)
         if self._calm is not None:
-            self._calm.quiescence.clear()
+            self._calm.quiescence.reset()
 
     def _follow_axes(self, sample: CraftSample, sampled: Sampled, linked: bool):
         """The sample as it is used from now on, what is stuck or rejected as not measured, and the reasons."""
@@ -377,7 +377,7 @@ class Forecaster:
         if before is not None:
             self._bank.carry_over(before)
         self._points.begin(step, self._clock.period, math.ceil(self._leads[-1] / step) + 2)
-        self._has_waves, self._waiting, self._steps, self._laid_out_at = False, None, 0, self._time
+        self._waiting, self._steps, self._laid_out_at = None, 0, self._time
         self._refit_due = -math.inf
         self._follow_period(self._bank)
         if self.memory is not None and (remembered := self.memory.candidate(self._clock.step)) is not None:
@@ -396,14 +396,14 @@ class Forecaster:
         self._predict(bank, steps - 1)
         channels = np.array(row[OF_CHANNELS])
         bank.take(channels)
-        self._points.step(channels, bank.waves)
+        self._points.take(channels, bank.waves)
         bank.score(np.array(row[OF_SAMPLE][: len(AXES)]))
 
     def _predict(self, bank: Bank, count: int):
         """Go on over so many missing rows."""
         if count > 0:
             bank.predict(count)
-            self._points.skip(count, bank.waves)
+            self._points.predict(count, bank.waves)
 
     @property
     def _window(self):
@@ -429,10 +429,8 @@ class Forecaster:
         if self._time < self._refit_due or self._time - self._rows_begun < s.first_refit * self._clock.period:
             return None
         # held and let go, a craft has hardly moved in that time
-        if (
-            not self._has_waves
-            and max((axis.size for axis in self._axes.values()), key=attrgetter('activity')).is_young
-        ):
+        largest = max((axis.size for axis in self._axes.values()), key=attrgetter('activity'))
+        if largest.is_young and not (self._bank and self._bank.has_waves):
             return None
         self._refit_due = self._time + self._interval_of_refits(s.refit_interval)
         if self._time < self._sea_state_due < self._refit_due:
@@ -490,7 +488,6 @@ class Forecaster:
             if name != LONG_WAVES or name not in bank.spaces:
                 bank.try_anew(name)
             bank.use(name, model, self._newest(2 * SPARSE * MAX_LAGS))
-            self._has_waves = True
         if WAVES in fit.waves and bank.waves is not None:
             self._remember(bank, fit.waves[WAVES], fit.time)
             self._points.install(fit.vertical, self._rows.newest, bank.waves)
@@ -596,7 +593,7 @@ class Forecaster:
     def diagnostics(self) -> ForecasterDiagnostics:
         """The running state, for operators."""
         count = len(self.settings.leads)
-        state = diagnose(self._axes, self._bank, self._asked, count, self._clock.interval, self._has_waves)
+        state = diagnose(self._axes, self._bank, self._asked, count, self._clock.interval)
         valid = self._valid
         if valid is None and self._bank is not None:
             # nobody has asked for them since

@@ -66,16 +66,16 @@ class PointForecaster:
         delay = (0.5 * clock.samples - 1.0) * clock.interval if clock.is_smoothed else 0.0
         return VerticalRequest(self.vertical.ahead, delay, newest)
 
-    def step(self, row: np.ndarray, waves: InnovationsFilter | None) -> None:
+    def take(self, row: np.ndarray, waves: InnovationsFilter | None) -> None:
         """Take the next row of `CHANNELS`, which the waves' filter has taken already."""
         if self.vertical is not None:
             self.vertical.take(row[_VERTICAL], waves)
             self._nowcasts.append(self.vertical.now)
 
-    def skip(self, count: int, waves: InnovationsFilter | None) -> None:
-        """Step over missing rows."""
+    def predict(self, count: int, waves: InnovationsFilter | None) -> None:
+        """Go on over missing rows."""
         if self.vertical is not None:
-            self.vertical.skip(count, waves)
+            self.vertical.predict(count, waves)
             self._nowcasts.skip(count)
 
     def forecast(self, attitude: Forecast, age: float) -> dict[str, PointMotion]:

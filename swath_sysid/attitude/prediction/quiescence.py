@@ -150,7 +150,7 @@ class Quiescence:
         self._complete = np.zeros((len(self._quantities), members), dtype=bool)
         self._members = members
         self._seen = 0
-        self.clear()
+        self.reset()
         self.set_limits(limits)
 
     def set_limits(self, limits: QuiescenceLimits) -> None:
@@ -165,7 +165,7 @@ class Quiescence:
         for _ in range(len(self._pending)):
             self._pending.append(replace(self._pending.popleft(), probability=math.nan))
 
-    def clear(self) -> None:
+    def reset(self) -> None:
         """Forget forecasts that have not come true yet."""
         self._pending: deque = deque()
         self._last = math.nan

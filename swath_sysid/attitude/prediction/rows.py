@@ -74,7 +74,7 @@ class SampleClock:
         offset = self._behind - self._told
         return offset if abs(offset) > AT_ONCE * self.interval else 0.0
 
-    def restart(self) -> None:
+    def reset(self) -> None:
         """Forget the time of the newest sample."""
         self._behind = self._told = 0.0
 
@@ -139,26 +139,22 @@ class RowClock:
         self._tick = math.nan  #: s between the samples that rows are made of.
         self._laid_for = math.nan  #: s; the sensor's interval then.
         self._corrections = 0
-        self.restart()
+        self.reset()
 
-    def restart(self) -> None:
-        """Forget the samples since the newest row: the next sample is a row."""
-        self._ticks = self.samples - 1
-        self._newest = [math.nan] * len(CHANNELS)
-        self._filtered: list[float] = []
+    def reset(self, *, is_next_row: bool = True) -> None:
+        """Forget the samples since the newest row: the next one is a row, or, after a silence, the first of many."""
+        self._ticks = self.samples - 1 if is_next_row else 0
+        self._newest, self._filtered = [math.nan] * len(CHANNELS), list[float]()
         self._stands_in: Sequence[bool] = ()
-        self._forget_block()
+        self._begin_block()
+        if not is_next_row:
+            self.sensor.reset()
 
-    def pause(self) -> None:
-        """Forget the samples since the newest row: the next row is of a whole number of samples yet to come."""
-        self.restart()
-        self._ticks = 0
-
-    def _forget_block(self):
+    def _begin_block(self):
         self._lag, self._values = 0.0, [math.nan] * len(CHANNELS)
-        self._clear_block()
+        self._clear_sums()
 
-    def _clear_block(self):
+    def _clear_sums(self):
         self._sums, self._counts = [0.0] * len(ATTITUDE), [0] * len(CHANNELS)
 
     @property
@@ -191,7 +187,7 @@ class RowClock:
             return False
         self.samples, self._tick = samples, self.interval
         self.step, self._corrections = samples * self.interval, self.sensor.count
-        self.restart()
+        self.reset()
         return True
 
     def _keep_step(self):
@@ -277,7 +273,7 @@ class RowClock:
         rows: list[tuple[float, list[float] | None]] = [
             ((ticks - (place + 1) * self.samples) * self._tick, None) for place in range(count)
         ]
-        self._forget_block()
+        self._begin_block()
         if is_told and count and since < self.samples:
             share, self._ticks = 1.0 - since * self._tick / elapsed, self.samples - 1
             values = _between(before, self._newest, share, elapsed)
@@ -305,7 +301,7 @@ class RowClock:
             self._values = list(values)
         self._ticks += 1
         if self._ticks == 0:
-            self._clear_block()
+            self._clear_sums()
         if self._ticks < self.samples:
             return False
         self._ticks = 0
@@ -320,7 +316,7 @@ class RowClock:
                 if value == value and channels[place] == channels[place]:
                     channels[place] = value
         means = [total / count if count else math.nan for total, count in zip(self._sums, self._counts, strict=False)]
-        self._clear_block()
+        self._clear_sums()
         sampled = list(values[: len(ATTITUDE)])
         for angle, stands_in in enumerate(self._stands_in):
             if stands_in and sampled[angle + len(AXES)] == sampled[angle + len(AXES)]:

@@ -164,8 +164,8 @@ class VerticalForecaster:
         self._issued[self._rows % self._issued.shape[0]] = np.nan if self._mean is None else self._mean[:, :3]
         self._rows += 1
 
-    def skip(self, count: int, waves: InnovationsFilter | None) -> None:
-        """Skip ``count`` missing rows; ``waves`` is the filter after them."""
+    def predict(self, count: int, waves: InnovationsFilter | None) -> None:
+        """Go on over ``count`` missing rows; ``waves`` is the filter after them."""
         for _ in range(min(count, self._issued.shape[0])):
             self.take(np.full(5, np.nan), waves)
 
