@@ -124,34 +124,26 @@ def _inner_each(a: np.ndarray, b: np.ndarray) -> float:
 
 @accelerated
 def turn(f: np.ndarray, c: np.ndarray) -> None:
-    """Replace c (n, n) by (f c)', in place and without the zeros of the transition: twice, it is f c f'."""
-    rows = np.zeros((2, len(c)))
-    for k in range(len(c)):
-        for j in range(len(c)):
-            rows[0, j] += f[0, k] * c[k, j]
-            rows[1, j] += f[1, k] * c[k, j]
+    """Replace a symmetric c (n, n) by f c f', of the transition's blocks alone, in place."""
     for k in range(HULL_STATES, len(c), 2):
+        same, after, before, own = f[k, k], f[k, k + 1], f[k + 1, k], f[k + 1, k + 1]
         for j in range(len(c)):
             x, y = c[k, j], c[k + 1, j]
-            c[k, j], c[k + 1, j] = f[k, k] * x + f[k, k + 1] * y, f[k + 1, k] * x + f[k + 1, k + 1] * y
-    for j in range(len(c)):
-        c[0, j], c[1, j] = rows[0, j], rows[1, j]
-    for i in range(len(c)):
-        for j in range(i):
-            c[i, j], c[j, i] = c[j, i], c[i, j]
+            c[k, j], c[k + 1, j] = same * x + after * y, before * x + own * y
+        for j in range(len(c)):
+            x, y = c[j, k], c[j, k + 1]
+            c[j, k], c[j, k + 1] = same * x + after * y, before * x + own * y
+        c[k + 1, k] = c[k, k + 1]
 
 
 def _noise_each(f: np.ndarray, stationary: np.ndarray, drift: np.ndarray, step: float) -> np.ndarray:
     """Covariance (n, n) that a step adds, without the rows of angle and rate."""
     noise, first = np.zeros(f.shape), HULL_STATES
-    for i in range(len(stationary)):
-        for j in range(len(stationary)):
-            noise[first + i, first + j] = -stationary[i, j]
-    turn(f, noise)
+    noise[first:, first:] = stationary
     turn(f, noise)
     for i in range(len(stationary)):
         for j in range(len(stationary)):
-            noise[first + i, first + j] += stationary[i, j]
+            noise[first + i, first + j] = stationary[i, j] - noise[first + i, first + j]
     for i in range(len(drift)):
         for j in range(len(drift)):
             noise[TRIM + i, TRIM + j] = step * drift[i, j]
@@ -180,21 +172,34 @@ def _move_each(
     the state, and its variance.
     """
     n, first, (of_states, variance) = len(c), HULL_STATES, driven
-    for i in range(2):
-        for k in range(n):
-            f[i, k] = slopes[i, k] if k < first else slopes[i, first] * held[k - first]
-    turn(f, c)
-    turn(f, c)
-    for i in range(n):
+    # all but the motion acts on the angle as on the rate, but for the gain
+    gain = slopes[:, first]
+    by_rest, with_rest = np.zeros(n), np.zeros(n)
+    for k in range(TRIM, n):
+        by_rest[k] = slopes[1, k] / gain[1] if k < first else held[k - first]
         for j in range(n):
-            c[i, j] += noise[i, j]
+            with_rest[j] += by_rest[k] * c[k, j]
+    variance += inner(by_rest, with_rest)
+    moved = np.empty((2, 2))
     for i in range(2):
-        gain = slopes[i, first]
-        for j in range(n):
-            c[i, j] += gain * of_states[j]
-            c[j, i] += gain * of_states[j]
         for j in range(2):
-            c[i, j] += gain * slopes[j, first] * variance
+            moved[i, j] = gain[i] * gain[j] * variance
+            for k in range(2):
+                moved[i, j] += with_rest[k] * (slopes[i, k] * gain[j] + slopes[j, k] * gain[i])
+                for m in range(2):
+                    moved[i, j] += slopes[i, k] * c[k, m] * slopes[j, m]
+    for j in range(TRIM, n):
+        x, y = c[0, j], c[1, j]
+        for i in range(2):
+            c[i, j] = c[j, i] = slopes[i, 0] * x + slopes[i, 1] * y + gain[i] * with_rest[j]
+    turn(f, c)
+    for i in range(TRIM, n):
+        for j in range(2):
+            c[i, j] += gain[j] * of_states[i]
+            c[j, i] = c[i, j]
+        for j in range(TRIM, n):
+            c[i, j] += noise[i, j]
+    c[:2, :2] = moved
     for k in range(first, n, 2):
         x, y = mean[k], mean[k + 1]
         mean[k], mean[k + 1] = f[k, k] * x + f[k, k + 1] * y, f[k + 1, k] * x + f[k + 1, k + 1] * y
@@ -243,13 +248,17 @@ def predict(
     """
     blocks, output, stationary = moment
     means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
-    of_states, n = np.zeros(mean.size), mean.size
+    of_states, n, before = np.zeros(mean.size), mean.size, 0.0
+    f, held = transition(blocks, output, before)
+    noise = noise_of(f, stationary, drift, before)
     for lead in range(durations.size):
         duration = durations[lead]
         count = max(1, math.ceil(duration / longest - 1e-6)) if duration > 0.0 else 0
         step = duration / max(1, count)
-        f, held = transition(blocks, output, step)
-        noise = noise_of(f, stationary, drift, step)
+        # leads are even but for rounding
+        if abs(step - before) > 1e-12:
+            f, held = transition(blocks, output, step)
+            noise, before = noise_of(f, stationary, drift, step), step
         for k in range(HULL_STATES, n):
             of_states[k] = 0.5 * inner(output, noise[k, HULL_STATES:])
         driven = of_states, 0.5 * inner(output, of_states[HULL_STATES:])
