@@ -242,6 +242,11 @@ MEANINGS = {
     'wave_30deg_h50mm_L2m_run1': 'repeat 1',
     'roll_GM50mm_KG_210mm_ballast5kg_V00': 'axis roll',
     'rudder_10deg_mu_45deg': '',
+    'Krängung10grad_T15.5cm_02': 'initial_angle_deg 10, draft_m 0.155',
+    'Run 7 - 3.5 kts - 10°': 'repeat 7, speed_m_s 1.80056, initial_angle_deg 10',
+    '5m_towing_roll_LCG_-20mm': 'axis roll',
+    'bilgekeel_20mm_flap_10deg_phi0': '',
+    'weights_5kg_offset_3deg': '',
     'T1_D2_A3': '',
     'notes': '',
 }

@@ -132,7 +132,7 @@ def _apart(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Change:
-    """A change beyond doubt."""
+    """A significant change."""
 
     place: int  #: Of the first entry after it.
     earliest: int  #: The same, at the ends of its interval.

@@ -11,6 +11,7 @@ LENGTHS = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3}
 KNOT = 1852.0 / 3600.0  #: m/s.
 SPEEDS = {'m/s': 1.0, 'm_s': 1.0, 'm-s': 1.0, 'ms': 1.0, 'mps': 1.0, 'kn': KNOT, 'kt': KNOT, 'kts': KNOT, 'knots': KNOT}
 STEEPEST = 45.0  #: deg; a larger angle is a heading.
+DEEPEST = 2.0  #: m; a longer length is of the model or the tank.
 FASTEST_FROUDE = 3.0
 FROUDE = 'froude_number'  #: Which no manifest takes: a speed is made of it and of the length.
 
@@ -20,16 +21,16 @@ _GAP = r'[ _=-]?'
 _ALONE = r'(?<![a-z\d.,])'  #: No word or number goes on to here.
 #: Words before a number with a unit that say it is something else.
 _OTHERWISE = re.compile(
-    r'(?<![a-z\d])(?:heading|hdg|kurs|course|mu|beta|wave|welle|wind|rudder|ruder|drift|trim|h|hs|lambda|depth|wassertiefe|wd|x|y|z|l|b'
-    r'|length|beam|gm|kg|kb|gyr\w*|ballast)[ _=-]?$',
+    r'(?:(?<![a-z\d])(?:heading|hdg|kurs|course|mu|beta|wave|welle|wind|rudder|ruder|drift|trim|h|hs|lambda|depth|wassertiefe|wd|x|y|z|l|b'
+    r'|length|beam|gm|kg|kb|gyr\w*|ballast|[lvt]cg|cog|flap|fin|foil|offset|moved|shift|weights?)|keel)[ _=-]*$',
     re.IGNORECASE,
 )
 _DRAFT = r'(?:draft|draught|tiefgang)'
 #: Placeholder, expression and units, in the order in which they are looked for.
 _FORMS: tuple[tuple[str, str, dict[str, float]], ...] = (
-    ('angle', rf'(?:{_ALONE}|(?<=phi)|(?<=roll)|(?<=pitch)|(?<=angle)|(?<=winkel)|(?<=heel))'
+    ('angle', rf'(?:{_ALONE}|(?<=phi)|(?<=roll)|(?<=pitch)|(?<=angle)|(?<=winkel)|(?<=heel)|(?<=krängung))'
      rf'{_SIGNED}[ _-]?(?:deg|°|grad)(?![a-z])', {}),
-    ('angle', rf'(?:phi|angle|winkel|heel){_GAP}{_NUMBER}(?![\d.,a-z])', {}),
+    ('angle', rf'(?:phi|angle|winkel|heel|krängung){_GAP}{_NUMBER}(?![\d.,a-z])', {}),
     ('speed', rf'(?:{_ALONE}|(?<![a-z])[vu]{_GAP}|speed{_GAP}){_NUMBER}[ _-]?'
      r'(?P<u>m[_/-]s|mps|kn|kts?|knots)(?![a-z\d])', SPEEDS),
     ('speed', rf'(?:speed|velocity|geschwindigkeit){_GAP}{_NUMBER}(?![\d.,a-z])', {}),
@@ -83,7 +84,7 @@ def _all_meanings(stem: str) -> Iterator[Meaning]:
             start, end = match.span('n')
             unit = match['u'].lower() if units else ''
             value, is_plain = _value(placeholder, match['n'], units.get(unit, 1.0))
-            is_other = placeholder in ('angle', 'draft') and _OTHERWISE.search(stem[: match.start()])
+            is_other = placeholder in ('angle', 'draft', 'displacement') and _OTHERWISE.search(stem[: match.start()])
             if value is not None and not is_other:
                 yield Meaning(placeholder, start, end, value, is_plain)
 
@@ -95,8 +96,8 @@ def _value(placeholder: str, text: str, scale: float) -> tuple[float | str | Non
     value = float(text.replace(',', '.')) * scale
     if placeholder == 'draft' and scale == 1.0 and value >= 10.0:
         value, scale = 1e-3 * value, 1e-3  # no model has a draft of ten metres: written in mm
-    largest = {'angle': STEEPEST, FROUDE: FASTEST_FROUDE}.get(placeholder, math.inf)
-    may_be = abs(value) <= largest and (value > 0.0 or placeholder in ('angle', 'speed', FROUDE))
+    largest = {'angle': STEEPEST, 'draft': DEEPEST, FROUDE: FASTEST_FROUDE}.get(placeholder, math.inf)
+    may_be = abs(value) <= largest and (value != 0.0 or placeholder in ('speed', FROUDE))
     rounded = int(value) if placeholder == 'repeat' else float(f'{value:.6g}')
     return (rounded if may_be else None), scale == 1.0
 

@@ -62,7 +62,7 @@ def history_sentences(entries: Sequence[Entry], found: Sequence[Found], axis: st
     others = '; the fits of the others are not adequate' if len(used) < len(entries) else ''
     said = [f'{axis}: {len(used)} of {len(entries)} entries are used{others}.']
     if len(used) < FEWEST:
-        return [*said, f'A change can be told from {FEWEST} adequate entries on.']
+        return [*said, f'At least {FEWEST} adequate entries are needed to detect a change.']
     for each in found:
         for change, (factor, low, high) in zip(each.changes, each.steps, strict=True):
             when = f'between {_named(used[change.place - 1])} and {_named(used[change.place])}'
@@ -77,7 +77,7 @@ def history_sentences(entries: Sequence[Entry], found: Sequence[Found], axis: st
                 f'{percent(change.chance, 1)} or less.'
             )
         if not each.changes:
-            said.append(f'{QUANTITIES[each.quantity]}: no change beyond doubt.')
+            said.append(f'{QUANTITIES[each.quantity]}: no significant change.')
     said.append(
         f'The test reports a change in {percent(FALSE_ALARM)} of the histories of a craft that does not change.'
         + ('' if gm else ' Give the GM of the first entries for GM in m.')
