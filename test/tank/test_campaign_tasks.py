@@ -75,9 +75,8 @@ def test_settling_repairs_a_search_that_failed(records, fits):
     small, large = fits[0][0], fits[0][1]
     wrong = with_terms(large, **{t: 1.3 * value for t, value in large.model.terms.items()})
     failed = replace(wrong, objective_value=2.0 * small.objective_value)
-    assert evaluation.out_of_order((small, failed)) == (('swath-pitch-2', 'linear'),)
     repaired = settled(records[0].problem, (small, failed))
-    assert evaluation.out_of_order(repaired) == () and repaired[0].plain() == small.plain()
+    assert repaired[1].objective_value <= small.objective_value and repaired[0].plain() == small.plain()
     assert repaired[1].objective_value == pytest.approx(large.objective_value, rel=1e-6)
     assert repaired[1].search.stop == 'refined'
 

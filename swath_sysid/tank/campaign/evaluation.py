@@ -87,16 +87,6 @@ def settle(problem: Problem, fits: Sequence[Identification]) -> list[dict]:
     return [fit.plain() for fit in enforce_nesting(fits, refit)]
 
 
-def out_of_order(fits: Sequence[Identification]) -> tuple[tuple[str, str], ...]:
-    """Pairs of equation names, containing and contained, of which the containing one fits worse."""
-    return tuple(
-        (big.model.equation.name, small.model.equation.name)
-        for big in fits
-        for small in fits
-        if set(small.model.terms) < set(big.model.terms) and big.objective_value > small.objective_value * (1.0 + TIE)
-    )
-
-
 def fit_together(problem: Problem, starts: Sequence[Identification]) -> dict:
     """Fit common ratios to several records, each with its own initial state, from their single fits of one equation:
     at the optimum of the record with the largest motion, which shows the most of every term. As plain data.

@@ -16,7 +16,7 @@ from swath_sysid.formats.model_file import write_scheduled
 from swath_sysid.report import figures as plots
 from swath_sysid.report.html_page import Drawing, bullets, figures, page, page_style, paragraph, table_as_html
 from swath_sysid.report.tables import Table, table_as_csv
-from swath_sysid.tank.campaign.evaluation import Condition, noise_statement, out_of_order
+from swath_sysid.tank.campaign.evaluation import Condition, noise_statement
 from swath_sysid.tank.campaign.manifest import LOADING_NAMES, loading_in_words
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.report import campaign_tables
@@ -259,19 +259,7 @@ def _findings(axis: AxisOutcome):
             f'{objective.capitalize()} objective: {noise_statement(axis.records, fits, axis.best)}'
             for objective, fits in axis.fits.items()
         ]
-        lines.append(_order_statement(axis))
     return [f'<div class="choice">{paragraph(axis.ranking.reason)}</div>', bullets(lines)]
-
-
-def _order_statement(axis: AxisOutcome):
-    groups = [*(f for fits in axis.fits.values() for f in fits), *axis.together.values(), *axis.by_draft.values()]
-    wrong = [pair for fits in groups for pair in out_of_order(fits)]
-    if wrong:
-        return (
-            f'In {len(wrong)} cases an equation fits worse than one it contains ({wrong[0][0]}, {wrong[0][1]}): '
-            'the search had not converged.'
-        )
-    return f'No equation fits worse than one that it contains, in any of {len(groups)} rows: the searches converged.'
 
 
 def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[str, list[Drawing]]):

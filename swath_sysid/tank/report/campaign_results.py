@@ -2,7 +2,9 @@
 
 import math
 from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from swath_sysid.tank.extinction import TankQuantity, tank_quantities
 from swath_sysid.tank.report.campaign_tables import VERDICT_MARKS
 from swath_sysid.tank.report.extinction_tables import SOURCES, particulars_of
 
+ANGLES = {'roll': 'φ', 'pitch': 'θ'}
 #: Powers of ten within which a number is written without one.
 SMALLEST_POWER, LARGEST_POWER = -3, 4
 
@@ -82,43 +85,49 @@ def type_b_in_words(outcome: CampaignOutcome) -> str:
     return type_b + f', without {absent}, not stated' * bool(absent)
 
 
-def results_table(outcome: CampaignOutcome) -> Table:
-    """Period and damping of each draft at named amplitudes, with the verdict."""
+def results_table(outcome: CampaignOutcome, for_eye: bool = False) -> Table:
+    """Period and damping of each draft at named amplitudes, with the verdict; for the eye each value with its
+    uncertainty in one cell, in the symbols of the field.
+    """
     items = [(result, at, {q.name: q for q in own}) for result in draft_results(outcome) for at, own in result.rows]
-    symbols = sorted({each for _, _, own in items for each in own if each in ('B44', 'B55')})
-    names = (
-        ('natural period', 'natural period', 's'),
-        ('equivalent damping ratio', 'damping ratio', '-'),
-        *((each, each, 'N m s') for each in symbols),
+    period = 'T' + '/'.join(sorted({ANGLES[axis.motion] for axis in outcome.axes}))
+    moments = sorted({n for _, _, own in items for n in own if n in ('B44', 'B55')})
+    quantities = (
+        ('natural period', period, 'natural period', 's'),
+        ('equivalent damping ratio', 'ζ', 'damping ratio', '-'),
+        *((name, name, name, 'N m s') for name in moments),
     )
-    known = f' {symbols[0]} where mass and GM, or the inertia, are given for the draft.' if symbols else ''
+    known = 'equivalent linear damping, where mass and GM, or the inertia, are known'
+    of_damping = f'; {moments[0]}: {known}' if moments else ''
     table = Table.of(
         'results',
         '',
-        'Natural period and equivalent damping ratio at named amplitudes, of all releases of a draft fitted together. '
-        '±: expanded uncertainty (k = 2) by the larger of the fit '
-        f'and the scatter of the releases that reach the amplitude{type_b_in_words(outcome)}. The verdict is on the '
-        f'forecast of the next release by the fitted model.{known}',
+        f'{period}: natural period; ζ: equivalent damping ratio{of_damping}; at the amplitude stated, from all '
+        f'releases of a draft together. ±: expanded uncertainty U (k = 2){type_b_in_words(outcome)}.',
         items,
         *([('axis', lambda item: item[0].axis.axis)] if len(outcome.axes) > 1 else []),
         (LOADING_NAMES[outcome.quantity], lambda item: item[0].loading, digits(4)),
-        ('verdict', lambda item: item[0].verdict),
-        ('at [deg]', lambda item: item[1], digits(3)),
-        *(column for each in names for column in _with_uncertainty(*each)),
+        ('amplitude [deg]', lambda item: item[1], digits(3)),
+        *(column for each in quantities for column in _with_uncertainty(*each, for_eye)),
         ('releases', lambda item: item[0].releases),
+        ('verdict', lambda item: item[0].verdict),
     )
-    place = [column.name for column in table.columns].index('verdict')
+    place = len(table.columns) - 1
     table.marks.update({(k, place): VERDICT_MARKS[item[0].verdict] for k, item in enumerate(items)})
     return table
 
 
-def _with_uncertainty(name: str, heading: str, unit: str) -> tuple[tuple, tuple]:
-    """Columns of a quantity and of its expanded uncertainty."""
+def _with_uncertainty(name: str, symbol: str, heading: str, unit: str, in_one: bool) -> Iterator[tuple]:
+    """Columns of a quantity and of its expanded uncertainty, or of both in one."""
 
-    def of(part: str):
-        return lambda item: getattr(item[2][name], part) if name in item[2] else None
+    def of(show: Callable[[TankQuantity], Any]):
+        return lambda item: show(item[2][name]) if name in item[2] else None
 
-    return (f'{heading} [{unit}]', of('value'), '{:#.5g}'.format), (f'± [{unit}]', of('expanded'), '{:#.2g}'.format)
+    if in_one:
+        yield f'{symbol} [{unit}]', of(lambda q: in_words(q.value, q.expanded))
+    else:
+        yield f'{heading} [{unit}]', of(lambda q: q.value)
+        yield f'± [{unit}]', of(lambda q: q.expanded)
 
 
 def conclusion_of(outcome: CampaignOutcome) -> list[str]:

@@ -20,14 +20,15 @@ from swath_sysid.tank.campaign.manifest import LOADING_NAMES, PICTURES, loading_
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.extinction import TankQuantity
 from swath_sysid.tank.report.campaign_results import (
+    ANGLES,
     draft_results,
     in_words,
     left_out_of,
     place_of,
-    type_b_in_words,
+    results_table,
     used_of,
 )
-from swath_sysid.tank.report.campaign_tables import VERDICT_MARKS, colour_of, sides_statement, spread_statement
+from swath_sysid.tank.report.campaign_tables import colour_of, sides_statement, spread_statement
 from swath_sysid.tank.report.extinction_tables import SOURCES
 
 NOT_STATED = 'not stated'
@@ -45,7 +46,6 @@ PRINTED = {
     's2': '{s2} sin² {x}',
 }
 RESULTS = 'natural period', 'equivalent damping ratio', 'B44', 'B55'  #: Of the quantities of a tank, those shown.
-ANGLES = {'roll': 'φ', 'pitch': 'θ'}
 MEANING = {
     ADEQUATE: f'adequate: the forecast of the next decay is off by at most {percent(ADEQUATE_ERROR)} of its motion',
     DOUBTFUL: 'doubtful: it may be off by more, or something in the records contradicts the model',
@@ -60,7 +60,7 @@ def cover(outcome: CampaignOutcome) -> list[str]:
         _logo(outcome),
         f'<dl class="block">{rows}</dl>',
         f'<div class="choice">{paragraph(verdict_sentence(outcome))}</div>',
-        table_as_html(shown_results(outcome)),
+        table_as_html(results_table(outcome, for_eye=True)),
         figures(list(result_drawings(outcome))),
         *(paragraph(f'Left out: {line}', 'left-out') for line in left_out),
     ]
@@ -138,38 +138,6 @@ def verdict_sentence(outcome: CampaignOutcome) -> str:
     return f'{text[0].upper()}{text[1:]}.'
 
 
-def shown_results(outcome: CampaignOutcome) -> Table:
-    """The results for the eye: each value with its uncertainty in one cell, in the symbols of the field."""
-    items = [(result, at, {q.name: q for q in own}) for result in draft_results(outcome) for at, own in result.rows]
-    angle = '/'.join(sorted({ANGLES[axis.motion] for axis in outcome.axes}))
-    columns = [
-        (f'T{angle} [s]', 'natural period'),
-        ('ζ [-]', 'equivalent damping ratio'),
-        *((f'{name} [N m s]', name) for name in sorted({n for _, _, own in items for n in own if n in RESULTS[2:]})),
-    ]
-    known = 'equivalent linear damping, where mass and GM, or the inertia, are known'
-    of_damping = f'; {columns[-1][0].split()[0]}: {known}' if len(columns) > 2 else ''
-    table = Table.of(
-        'results',
-        '',
-        f'T{angle}: natural period; ζ: equivalent damping ratio{of_damping}; at the amplitude stated, from all '
-        f'releases of a draft together. ±: expanded uncertainty U (k = 2){type_b_in_words(outcome)}.',
-        items,
-        *([('axis', lambda item: item[0].axis.axis)] if len(outcome.axes) > 1 else []),
-        (LOADING_NAMES[outcome.quantity], lambda item: item[0].loading, digits(4)),
-        ('amplitude [deg]', lambda item: item[1], digits(3)),
-        *(
-            (heading, lambda item, n=name: in_words(item[2][n].value, item[2][n].expanded) if n in item[2] else None)
-            for heading, name in columns
-        ),
-        ('releases', lambda item: item[0].releases),
-        ('verdict', lambda item: item[0].verdict),
-    )
-    place = len(table.columns) - 1
-    table.marks.update({(k, place): VERDICT_MARKS[item[0].verdict] for k, item in enumerate(items)})
-    return table
-
-
 def result_drawings(outcome: CampaignOutcome) -> Iterator[Drawing]:
     """Natural period and equivalent damping of each draft against amplitude, side by side."""
     for axis in outcome.axes:
@@ -237,7 +205,7 @@ def _coefficients(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
         'Coefficients over inertia, for small angles in rad; ±: two standard deviations of the fit.',
         items,
         (LOADING_NAMES[outcome.quantity], lambda item: item[0], digits(4)),
-        *((f'{term} [{RATIO_UNITS[term]}]', of(term)) for term in items[0][1].model.terms),
+        *((f'{term} [{RATIO_UNITS[term].replace("^2", "²")}]', of(term)) for term in items[0][1].model.terms),
     )
 
 
