@@ -27,6 +27,7 @@ from swath_sysid.attitude.identification.refit import (
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.segmentation import DecaySegment
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.attitude.motion.window import COLUMNS, MotionWindow, NoticedDecay, WindowSettings
@@ -84,6 +85,13 @@ def test_the_first_refit_is_believed(first):
     (source,) = refitter.models['pitch'].provenance['sources']
     assert source['topic'] == 'here' and len(source['sha256']) == 64
     assert model_from_yaml(model_to_yaml(first.models)) == first.models
+
+
+def test_a_refit_names_the_axis_of_a_sensor_whose_mounting_is_not_stated(table, first):
+    about = ', about the y axis of the sensor, whose mounting is not stated'
+    assert first.message.endswith(about)
+    stated = replace(table, installation=Installation('flu', (0.0, 0.0, 0.0)))
+    assert refit(Refitter(QUICK).request(stated)).message == first.message.removesuffix(about)
 
 
 def test_a_window_whose_rates_are_reversed_is_not_fitted(table):

@@ -12,7 +12,7 @@ from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel, check_mounting
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
-from swath_sysid.attitude.motion.attitude import Installation, mounting_in, turn_in_craft
+from swath_sysid.attitude.motion.attitude import Installation, mounting_in
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import convert
 from swath_sysid.attitude.motion.trial import Trial
@@ -20,11 +20,11 @@ from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import ImuRecord, imu_values
 from swath_sysid.formats.identify_records import identify, write_model
-from swath_sysid.formats.messages import ImuMessage, frame_tree, header, make, serialised, transform_message, typestore
+from swath_sysid.formats.messages import ImuMessage, diagnostics_message, frame_tree, header, make, serialised
 from swath_sysid.formats.model_file import model_to_yaml
 from swath_sysid.formats.output_bag import writing_bag
 from swath_sysid.formats.reading import read_trial
-from swath_sysid.formats.topics import IMU, TRANSFORMS
+from swath_sysid.formats.topics import IMU, TRANSFORMS, TYPES
 
 ROTATIONS = (15, -10, 90), (0, 0, 90), (180, 0, 0), (0, -35, 0), (-20, 0, -135)
 GRAVITY = 9.81
@@ -158,10 +158,11 @@ def test_live_a_tilt_is_reported_until_the_craft_floats_level_once():
 @pytest.mark.parametrize('pushed', ['bow', 'starboard'])
 @pytest.mark.parametrize('mounting', ROTATIONS)
 def test_rest_and_a_push_show_the_mounting_and_the_printed_lines_state_it(mounting, pushed, tmp_path, capsys):
-    trial = decay(3.0, 12.0, 0.1)
-    # a second to push, and a tenth of the motion about the other axis, with another period
+    trial = decay(3.0, 60.0, 0.1)
+    # a second to push, and a tenth of the motion about the other axis, with another period; later a larger push there
     push = 0.1 * np.clip(trial.time - 2.0, 0.0, 1.0) + np.where(trial.time >= 3.0, trial.roll - 0.1, 0.0)
     across = 0.1 * push * np.cos(3.1 * trial.time) + np.random.default_rng(2).normal(0.0, 2e-3, push.size)
+    across += np.where(trial.time > 50.0, 0.3 * np.sin(trial.time), 0.0)
     angles = {'roll': across, 'pitch': push} if pushed == 'bow' else {'roll': push, 'pitch': across}
     bag = bag_of(tmp_path / 'a.mcap', replace(trial, **angles), mounting)
     assert main(['mounting', str(bag), '--pushed', pushed]) == 0
@@ -312,14 +313,27 @@ def test_live_the_predictor_takes_the_transform_and_then_rejects_a_model_of_anot
     assert np.allclose(node.pipeline.settings.installation.mounting, (0.0, 0.0, np.radians(45.0)))
 
 
-@pytest.mark.parametrize('frame', ['flu', 'frd'])
-def test_a_recorded_transform_states_the_mounting_of_the_parameter(frame):
-    for mounting in ROTATIONS:
-        stated = Installation(frame, tuple(np.radians(mounting)))
-        raw = transform_message(1, 'base_link', 'imu', turn_in_craft(stated))
-        sent = typestore().deserialize_cdr(raw, TRANSFORMS)
-        found = np.degrees(mounting_in(frame_tree(sent), 'imu', 'base_link', frame))
-        assert (matrix_of(found) * matrix_of(mounting).inv()).magnitude() < 1e-6
+def test_a_bag_is_read_with_what_imu_buffer_said_of_its_sensor_whatever_the_frames_say(spun, tmp_path):
+    from swath_sysid.nodes.imu_buffer import ImuBuffer
+
+    truth, node = decay(), spun.made(ImuBuffer)
+    for boat, mounting in zip(('one', 'two'), ROTATIONS[:2], strict=True):
+        said = [[report.status_of('imu_buffer') for report in node._reports()[1:]]]
+        assert spun.set_to(node, mounting_deg=[float(angle) for angle in mounting]) == ['']
+        said.append([report.status_of('imu_buffer') for report in node._reports()[1:]])
+        other = Installation('flu', (0.1, 0.2, 0.3))
+        with writing_bag(tmp_path / f'{boat}.mcap') as add:
+            # as ros2 bag records: in the order of arrival; the driver gives its own axes the name of the craft's
+            for at, (topic, reports) in enumerate([('/spun/imu/data', said[0]), ('/a/imu', said[1]), ('', said[1])]):
+                told = [(*rest, {**values, 'topic': topic or values['topic']}) for *rest, values in reports]
+                add('/diagnostics', TYPES['/diagnostics'], at, diagnostics_message(at, told, 'spun'))
+            for topic, way in (('/spun/imu/data', mounting), ('/b/imu/data', np.degrees(other.mounting))):
+                for stamp, values in zip(np.round(1e9 * truth.time).astype(int), turned(truth, way), strict=True):
+                    add(topic, IMU, int(stamp) + 9, ImuMessage('base_link').of_values(int(stamp), values))
+        own = read_trial(tmp_path / f'{boat}.mcap', topic='/spun/imu/data')
+        assert np.allclose(np.degrees(own.installation.mounting), mounting) and np.allclose(own.roll, truth.roll)
+        given = read_trial(tmp_path / f'{boat}.mcap', topic='/b/imu/data', mounting=other.mounting)
+        assert np.allclose(given.roll, truth.roll)
 
 
 def test_frames_are_followed_through_a_tree_and_what_is_not_connected_states_nothing():

@@ -10,7 +10,7 @@ from typing import Any
 from swath_sysid.attitude.hull.identified_model import check_mounting
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
-from swath_sysid.cli.sources import columns_of
+from swath_sysid.cli.sources import columns_of, installation_of
 from swath_sysid.common.advice import Advice, counted
 from swath_sysid.common.conditions import CONDITIONS
 from swath_sysid.common.wings import offered
@@ -24,7 +24,6 @@ from swath_sysid.formats.upstream_channels import read_upstream
 from swath_sysid.nodes.parameters.parameter_files import values_from_file
 from swath_sysid.nodes.parameters.settings import (
     frames_at,
-    installation,
     pipeline_settings,
     refit_settings,
     window_settings,
@@ -48,14 +47,14 @@ def run(arguments: Namespace) -> int:
         beside += advice
     nodes = {name: values_from_file(arguments.params_file, name) for name in ATTITUDE_NODES}
     predictor = nodes['predictor']
-    given = installation(predictor)
-    stated: dict[str, Any] = {'frame': given.frame, 'mounting': arguments.mounting or given.mounting}
+    stated = installation_of(arguments)
     readings = read_readings(arguments.record, arguments.topic, **stated, columns=columns_of(arguments))
-    # readings in the axes of the craft need no mounting
-    mount = Installation() if readings.in_craft_axes else readings.installation(**stated)
+    mount = readings.turned or readings.installation(**stated)
     channels = [*filter(None, predictor['upstream']), *arguments.upstream]
     upstream = read_upstream(arguments.record, channels, topic=arguments.topic, columns=columns_of(arguments))
-    pipeline = _pipeline_of(nodes, arguments, mount, tuple(upstream))
+    # readings in the axes of the craft are turned no more
+    pipeline = _pipeline_of(nodes, arguments, Installation() if readings.turned else mount, tuple(upstream))
+    check_mounting(pipeline.refitter.models, mount)
     arriving = ArrivingSamples(upstream, pipeline.add_upstream, int(readings.stamps[0]) - round(1e9 * readings.start))
     health = PlayedHealth(pipeline, IMU_TOPIC, [values['diagnostics_period_s'] for values in nodes.values()])
     verdicts = []
@@ -113,9 +112,7 @@ def _pipeline_of(
     )
     own = os.path.expanduser(identifier['model_path'])
     known = arguments.model or (own if os.path.exists(own) else '')
-    models = read_model(known) if known else {}
-    check_mounting(models, mount)
-    pipeline = PlayThrough(settings, models)
+    pipeline = PlayThrough(settings, read_model(known) if known else {})
     pipeline.window.record(buffer['record_at_start'])
     return pipeline
 

@@ -58,16 +58,16 @@ def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> 
     )
 
 
-def _installation_of(arguments: Namespace) -> dict[str, Any]:
+def installation_of(arguments: Namespace) -> dict[str, Any]:
     """Frame and mounting that the command line states, else its parameter file; None: as the record does."""
     given = installation(values_from_file(arguments.params_file, 'predictor'))
-    frame = arguments.frame or (None if given.frame == FRAMES[0] else given.frame)
+    frame = getattr(arguments, 'frame', None) or (None if given.frame == FRAMES[0] else given.frame)
     return {'frame': frame, 'mounting': arguments.mounting or given.mounting}
 
 
 def read_record(path: str, arguments: Namespace) -> Trial:
     """Read one record as the command line says, with progress where it is long."""
-    how = {'topic': arguments.topic, 'columns': columns_of(arguments), **_installation_of(arguments)}
+    how = {'topic': arguments.topic, 'columns': columns_of(arguments), **installation_of(arguments)}
     if not os.path.isfile(path) or os.path.getsize(path) < BLOCK_BYTES:
         return read_trial(path, **how)
     with progress_of(f'reading {path}') as progress:

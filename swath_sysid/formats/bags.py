@@ -19,6 +19,7 @@ import yaml
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.reader import zstd
 
+from swath_sysid.attitude.hull.identified_model import MOUNTING
 from swath_sysid.attitude.motion.attitude import FrameTree, Installation, body_rates, mounting_in, quaternion
 from swath_sysid.attitude.motion.cleaning import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
@@ -34,12 +35,23 @@ from swath_sysid.formats.messages import (
     ImuMessage,
     frame_tree,
     stamp_of,
+    told_installation,
     typestore,
 )
 from swath_sysid.formats.output_bag import STORAGES, writing_bag
 from swath_sysid.formats.registry import BAGS
 from swath_sysid.formats.text_tables import NamedColumns
-from swath_sysid.formats.topics import CRAFT_FRAME, IMU, LEADS, NEXT_TOPIC, ODOMETRY, STATIC_FRAMES, TRANSFORMS
+from swath_sysid.formats.topics import (
+    CRAFT_FRAME,
+    DIAGNOSTICS_TOPIC,
+    IMU,
+    LEADS,
+    NEXT_TOPIC,
+    ODOMETRY,
+    STATIC_FRAMES,
+    TRANSFORMS,
+    TYPES,
+)
 
 METADATA_FILE = 'metadata.yaml'
 ZSTD = b'\x28\xb5\x2f\xfd'  #: How what was compressed with zstd begins, as no serialised message does.
@@ -71,19 +83,22 @@ class ImuRecord:
     received: np.ndarray | None = None  #: (N,), int64, increasing; when they were recorded, ns.
     topic: str = ''
     frame_id: str = ''
-    in_craft_axes: bool = False  #: Whether frame and mounting are applied already.
+    turned: Installation | None = None  #: Frame and mounting that are applied already; None: none is.
     frames: FrameTree = field(default_factory=dict)  #: What the static transforms of the bag state.
+    told: Installation | None = None  #: What the diagnostics of imu_buffer in the bag state.
     advice: tuple[Advice, ...] = ()
     start: float = 0.0  #: s; the first stamp in the time of the trial.
 
     def __len__(self) -> int:
         return len(self.stamps)
 
-    def installation(self, frame: str, mounting: tuple[float, float, float] | None) -> Installation:
-        """With the mounting, rad, that is given, else that which the transforms state."""
-        if mounting is None:
-            mounting = mounting_in(self.frames, self.frame_id.lstrip('/'), CRAFT_FRAME, frame)
-        return Installation(frame, mounting)
+    def installation(self, frame: str | None, mounting: tuple[float, float, float] | None) -> Installation:
+        """With the frame and the mounting, rad, that are given, else as imu_buffer had them, else the transforms."""
+        told = self.told or Installation()
+        frame = frame or told.frame
+        if mounting is None and frame == told.frame:
+            mounting = told.mounting
+        return Installation(frame, mounting or mounting_in(self.frames, self.frame_id.lstrip('/'), CRAFT_FRAME, frame))
 
     def __iter__(self) -> Iterator[ImuReading]:
         """One `ImuReading` after the other."""
@@ -109,7 +124,7 @@ def read_bag(
 ) -> Trial:
     """Read a trial from an IMU topic of a rosbag2 bag, with time from its first stamp; see `read_trial`."""
     record = read_imu(path, topic, device)
-    installation = record.installation(frame or 'flu', mounting)
+    installation = record.installation(frame, mounting)
     stamps, advice = record.stamps, list(record.advice)
     if np.all(stamps == stamps[0]) and stamps.size > 1 and record.received is not None:
         stamps = record.received
@@ -134,13 +149,23 @@ def read_imu(path: str | Path, topic: str | None = None, device: str | None = No
         if advice and IMU not in {c.msgtype for reader in readers for c in reader.connections}:
             raise InputError(f'{path} is damaged and nothing of an IMU topic is left in it: record it again')
         topic = chosen_topic(path, readers, IMU, topic, 'several-imu-topics')
-        decoder, tree = _ImuDecoder(), dict[str, tuple]()
+        decoder, tree, told = _ImuDecoder(), dict[str, tuple](), None
         static = {c.topic for reader in readers for c in reader.connections if c.topic.endswith(STATIC_FRAMES)}
-        for connection, time_ns, raw in intact_messages(path, readers, {topic, *static}, advice):
+        for connection, time_ns, raw in intact_messages(path, readers, {topic, DIAGNOSTICS_TOPIC, *static}, advice):
             if connection.msgtype == IMU:
                 decoder.add(time_ns, raw)
-            elif connection.msgtype == TRANSFORMS:
-                tree |= frame_tree(typestore().deserialize_cdr(raw, TRANSFORMS))
+            elif connection.msgtype == TRANSFORMS or isinstance(raw, bytes) and MOUNTING.encode() in raw:
+                try:
+                    message = typestore().deserialize_cdr(raw, connection.msgtype)
+                except Exception:  # whatever a broken byte leads to
+                    decoder.damaged += 1
+                    continue
+                if connection.msgtype == TRANSFORMS:
+                    tree |= frame_tree(message)
+                elif connection.msgtype == TYPES[DIAGNOSTICS_TOPIC]:
+                    now = told_installation(message, topic)
+                    # before its transforms come, the nodes state none
+                    told = now if now and (now.mounting or told is None) else told
     stamps, received, values, frames = decoder.arrays()
     if not stamps.size:
         problem = f' ({advice[-1].message})' if advice else ''
@@ -164,7 +189,7 @@ def read_imu(path: str | Path, topic: str | None = None, device: str | None = No
     elif len(frame_ids) > 1:
         advice.append(Advice.of('frame-id-changed', topic=topic, frames=len(frame_ids), names=names))
     frame_id = next(iter(frame_ids), '')
-    return ImuRecord(stamps, values, received, topic, frame_id, frames=tree, advice=tuple(advice))
+    return ImuRecord(stamps, values, received, topic, frame_id, frames=tree, told=told, advice=tuple(advice))
 
 
 def attitude_table(path: str | Path, topic: str) -> NamedColumns | None:

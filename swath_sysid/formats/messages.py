@@ -5,21 +5,22 @@ rclpy publishes such bytes as they are and bags hold them, so nodes and play-thr
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, lru_cache
-from math import nan
+from math import nan, radians
 from struct import Struct
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, coefficients
-from swath_sysid.attitude.motion.attitude import FrameTree, Installation, Quaternion
+from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, MOUNTING, coefficients
+from swath_sysid.attitude.motion.attitude import FRAMES, FrameTree, Installation, Quaternion
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable, NoticedDecay
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.topics import IMU, STRING, TRANSFORMS, TYPES, WINDOW_TOPIC
+from swath_sysid.formats.topics import IMU, STRING, TYPES, WINDOW_TOPIC
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -96,11 +97,6 @@ def frame_tree(message: Any) -> FrameTree:
         parts = float(turn.x), float(turn.y), float(turn.z), float(turn.w)
         frames[each.child_frame_id.lstrip('/')] = each.header.frame_id.lstrip('/'), parts
     return frames
-
-
-def transform_message(stamp_ns: int, parent: str, child: str, turn: Quaternion) -> bytes:
-    """A tf2_msgs/TFMessage with the orientation of one frame in another."""
-    return serialised(make(TRANSFORMS, [(header(stamp_ns, parent), child, ((0.0, 0.0, 0.0), turn))]))
 
 
 def header(stamp_ns: int, frame_id: str) -> tuple:
@@ -308,6 +304,17 @@ def diagnostics_message(
     """A diagnostic_msgs/DiagnosticArray of level, name, message and values of each status, all of one hardware id."""
     plain = [(level, name, said, hardware_id, list(values.items())) for level, name, said, values in statuses]
     return serialised(make('diagnostic_msgs/msg/DiagnosticArray', header(stamp_ns, ''), plain))
+
+
+def told_installation(message: Any, topic: str) -> Installation | None:
+    """Frame and mounting of the sensor on a topic, as a diagnostic_msgs/DiagnosticArray of imu_buffer states them."""
+    for status in message.status:
+        said = {each.key: each.value for each in status.values}
+        if said.get('topic', '').strip('/') == topic.strip('/') and said.get('frame') in FRAMES:
+            angles = re.fullmatch(','.join([r'(-?\d+(?:\.\d+)?)'] * 3), said.get(MOUNTING, ''))
+            roll, pitch, yaw = map(radians, map(float, angles.groups())) if angles else (nan, nan, nan)
+            return Installation(said['frame'], (roll, pitch, yaw) if angles else None)
+    return None
 
 
 def _check_stamps(stamps: np.ndarray) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import DEVICE
@@ -94,7 +95,7 @@ def read_readings(
     path: str | Path,
     topic: str | None = None,
     *,
-    frame: str = 'flu',
+    frame: str | None = None,
     mounting: tuple[float, float, float] | None = None,
     columns: Mapping[str, str] | None = None,
 ) -> ImuRecord:
@@ -107,10 +108,11 @@ def read_readings(
         bag = False  # read_trial says what is wrong
     if bag and not (topic and attitude_table(path, topic)):
         return read_imu(path, topic, (columns or {}).get(DEVICE))
-    trial = read_trial(path, topic=topic, frame=None if frame == 'flu' else frame, mounting=mounting, columns=columns)
+    trial = read_trial(path, topic=topic, frame=frame, mounting=mounting, columns=columns)
     stamps = np.round((trial.time - trial.time[0]) * 1e9).astype(np.int64)
     values = imu_values(replace(trial, yaw_rate=None))
-    return ImuRecord(stamps, values, in_craft_axes=True, advice=trial.advice, start=float(trial.time[0]))
+    turned, start = trial.installation or Installation(), float(trial.time[0])
+    return ImuRecord(stamps, values, turned=turned, advice=trial.advice, start=start)
 
 
 def source_hash(path: str | Path) -> str:

@@ -12,11 +12,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.output_bag import Recording, is_ours
-from swath_sysid.formats.topics import STATIC_FRAMES, TRANSFORMS, is_within
+from swath_sysid.formats.topics import is_within
 from swath_sysid.nodes.executor_loop import LOOK_PERIOD, OF_ROS, events_executor, run
 from swath_sysid.nodes.parameters.table import NODES
 from swath_sysid.nodes.qos import BAG_DEPTH, IMU_TOPIC, IMU_TYPE, bag_qos, message_class
-from swath_sysid.nodes.sensor_mounting import SensorMounting
 from swath_sysid.pipeline.health import DISCOVERY
 
 SAVE_PERIOD = 1.0  #: s of messages that a loss of power costs at most.
@@ -34,7 +33,6 @@ class Record(Node):
         self._others = {f'/{topic.strip("/")}' for topic in others}
         self._sensors = {self.resolve_topic_name(IMU_TOPIC)}
         self._subscribed: dict[str, Any] = {}
-        self._mounting = SensorMounting(self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._look()
         self.create_timer(LOOK_PERIOD, self._look, clock=steady)
@@ -57,7 +55,6 @@ class Record(Node):
             publishers = [p for p in self.get_publishers_info_by_topic(topic) if p.topic_type == wanted[topic]]
             if publishers and message_class(wanted[topic]) is not None:
                 self._subscribe(topic, wanted[topic], [publisher.qos_profile for publisher in publishers])
-        self._note_mounting()
         if added := sorted(self._subscribed.keys() - before):
             self.get_logger().info(f'recording {", ".join(added)}')
 
@@ -76,14 +73,6 @@ class Record(Node):
         self._sensors = {topic for topic, kind in heard.items() if kind == IMU_TYPE} or self._sensors
         return heard | published
 
-    def _note_mounting(self) -> None:
-        """Write the mounting that imu_buffer has by parameter, as the transform that the verbs read."""
-        if STATIC_FRAMES in self._subscribed or STATIC_FRAMES in self._recording.counts:
-            return
-        raw = self._mounting.transform(self.get_clock().now().nanoseconds)
-        if raw is not None:
-            self._write(self._recording.add_topic(STATIC_FRAMES, TRANSFORMS, True, True), raw)
-
     def _report(self) -> None:
         """Once, when everything that is there has been found."""
         self._first_report.cancel()
@@ -97,10 +86,6 @@ class Record(Node):
                 f'no message on {" and ".join(names)}: start what publishes it, or name the topic of the sensor with '
                 '--topic'
             )
-
-    def _write_imu(self, write: Callable[[int, bytes], None], raw: Any) -> None:
-        self._mounting.note_frame(raw)
-        self._write(write, raw)
 
     def _write(self, write: Callable[[int, bytes], None], raw: Any) -> None:
         self._attempt(partial(write, self.get_clock().now().nanoseconds, raw))
@@ -118,10 +103,9 @@ class Record(Node):
         latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
         reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
         write = self._recording.add_topic(topic, kind, latched, reliable)
-        take = self._write_imu if topic in self._sensors and kind == IMU_TYPE else self._write
         qos = bag_qos(latched, reliable, LATCHED_DEPTH if latched else BAG_DEPTH)
         self._subscribed[topic] = self.create_subscription(
-            message_class(kind), topic, partial(take, write), qos, raw=True
+            message_class(kind), topic, partial(self._write, write), qos, raw=True
         )
 
 

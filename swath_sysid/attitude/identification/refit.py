@@ -40,7 +40,7 @@ from swath_sysid.attitude.identification.result import Identification, Identific
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, explain_absence
-from swath_sysid.attitude.motion.trial import AXES, Trial
+from swath_sysid.attitude.motion.trial import AXES, Trial, about_sensor
 from swath_sysid.attitude.motion.window import MotionTable
 from swath_sysid.common.cancelling import Progress, ShouldCancel
 from swath_sysid.common.conventions import ADEQUATE, LEVELS, LONGEST, REJECTED
@@ -231,7 +231,10 @@ def refit(
 
         try:
             decays = _decays_seen(axis, request, trials)
-            verdicts.append(_refit_axis(trials[-1], axis, decays, request, report, should_cancel))
+            verdict = _refit_axis(trials[-1], axis, decays, request, report, should_cancel)
+            if verdict.model is not None and (about := about_sensor(axis, trials[-1].installation)):
+                verdict = replace(verdict, message=f'{verdict.message}, {about}')
+            verdicts.append(verdict)
         except InputError as error:
             verdicts.append(AxisVerdict(axis, None, f'not fitted, {error}'))
         report(1.0)

@@ -191,6 +191,12 @@ class Installation:
         """The mounting, rad; that of a sensor along the craft's axes where none is stated."""
         return self.mounting or (0.0, 0.0, 0.0)
 
+    @property
+    def described(self) -> str:
+        """The stated mounting in degrees, as the flags take it."""
+        angles = self.mounting and in_degrees(self.mounting, 4)
+        return ','.join(f'{angle:g}' for angle in angles) if angles else 'not stated'
+
     @cached_property
     def is_turned(self) -> bool:
         """Whether the sensor's axes are not the craft's."""

@@ -12,8 +12,7 @@ PUSHED = {'bow': 1, 'starboard': 0}  #: What is pushed down, and the craft's axi
 
 SMALLEST_PUSH = np.radians(1.0)  #: A smaller one does not show its axis.
 ONE_AXIS = 0.3  #: Motion across the axis of the push, as a share of that about it, up to which it shows one axis.
-_ONSET = 0.2  # of the largest angle
-_REST = 0.5  # s at least
+_REST, _PAUSE = 0.5, 2.0  # s at least: of rest before the push, and after it, before whatever comes next
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class MountingEstimate:
 
 
 def estimate_mounting(trial: Trial, pushed: str) -> MountingEstimate:
-    """From a record in the axes of the sensor that begins at rest and holds a push.
+    """From a record in the axes of the sensor that begins at rest; of several pushes the first counts.
 
     At rest the craft is level, so up in the sensor's axes is the craft's z axis; what up then turns about is the axis
     of the push, ``(u - u_0) x u_0 = sin(angle) a`` for a turn of the craft about ``a``, across ``u_0``.
@@ -52,12 +51,14 @@ def estimate_mounting(trial: Trial, pushed: str) -> MountingEstimate:
         )
     first = up[time < time[0] + _REST].mean(axis=0)
     away = np.linalg.norm(up - first / np.linalg.norm(first), axis=1)
-    onset = int(np.argmax(away > _ONSET * away.max()))
+    onset, is_quiet = int(np.argmax(away > SMALLEST_PUSH)), away < 0.5 * SMALLEST_PUSH
     # where the motion had hardly begun
-    rest = int(np.flatnonzero(away[: onset + 1] <= 0.25 * _ONSET * away.max())[-1:].sum()) + 1
+    rest = int(np.flatnonzero(is_quiet[: onset + 1])[-1:].sum()) + 1
+    moving = rest + np.flatnonzero(~is_quiet[rest:])
+    end = int(np.append(moving[:-1][np.diff(time[moving]) > _PAUSE], len(time))[0])
     vertical = up[:rest].mean(axis=0)
     vertical /= np.linalg.norm(vertical)
-    turn = np.cross(up[rest:] - vertical, vertical)
+    turn = np.cross(up[rest:end] - vertical, vertical)
     if time[rest - 1] - time[0] < _REST or not len(turn):
         raise InputError(f'{trial.source} does not begin at rest: leave the craft alone for some seconds, then push it')
     axis, across, sizes = _axis_of(turn, vertical)
@@ -65,7 +66,7 @@ def estimate_mounting(trial: Trial, pushed: str) -> MountingEstimate:
     if sizes[1] > ONE_AXIS * sizes[0]:
         raise InputError(
             f'{trial.source} turns about two axes ({sizes[1] / sizes[0]:.0%} across that of the push): push the '
-            f'{pushed} alone, in still water'
+            f'{pushed} alone, in still water, and let the motion die out before any other push'
         )
     about = turn @ axis
     if about[np.argmax(np.abs(about) > 0.5 * np.abs(about).max())] < 0.0:

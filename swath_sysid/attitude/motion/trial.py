@@ -13,11 +13,17 @@ from swath_sysid.common.errors import InputError, check_choice
 AXES = ('roll', 'pitch')
 
 
+def about_sensor(axis: str, installation: Installation | None) -> str:
+    """The axis of a sensor whose mounting is not stated, for people; empty where it is stated or there is none."""
+    if installation is None or installation.mounting is not None:
+        return ''
+    return f'about the {"xy"[AXES.index(axis)]} axis of the sensor, whose mounting is not stated'
+
+
 def axis_in_words(axis: str, installation: Installation | None) -> str:
     """An axis; where the mounting of its sensor is not stated, with the axis of the sensor that it is about."""
-    if installation is None or installation.mounting is not None:
-        return axis
-    return f'{axis} (about the {"xy"[AXES.index(axis)]} axis of the sensor, whose mounting is not stated)'
+    about = about_sensor(axis, installation)
+    return f'{axis} ({about})' if about else axis
 
 
 #: What an IMU measures of roll and pitch: the columns of a published window, in this order.
