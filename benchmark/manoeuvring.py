@@ -23,7 +23,7 @@ import simulated_craft
 
 from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv
 from swath_sysid.manoeuvring.hull.model import preset
-from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, run_test, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.standard_tests import RunNoise, run_test, trial_programme, with_noise
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
@@ -59,7 +59,7 @@ def runs_of(model, seed, currents=None):
     for k, (name, manoeuvre) in enumerate(trial_programme(model).items()):
         if currents is not None:
             manoeuvre = drifting(manoeuvre, currents[k])
-        m = with_noise(manoeuvre, SensorNoise(), 100 * seed + k)
+        m = with_noise(manoeuvre, RunNoise(), 100 * seed + k)
         trials.append(
             ManoeuvringTrial(
                 m.time,

@@ -132,7 +132,7 @@ def in_words(sentence):
     return re.sub(r'{(\w+)[^}]*}', lambda value: f'*{value[1].replace("_", " ")}*', sentence.replace('|', '\\|'))
 
 
-#: When a condition is warned of, by `Condition.warns`.
+#: When a condition is warned of, by `ConditionRow.warns`.
 WARNED = {
     'always': 'whenever its count grows',
     'recurring': 'from the second report in a row',

@@ -9,7 +9,7 @@ LEVELS = ('ok', 'warn', 'error', 'stale')  #: Of diagnostic_msgs/DiagnosticStatu
 
 
 @dataclass(frozen=True)
-class Condition:
+class ConditionRow:
     """A row of the table."""
 
     cure: str = ''  #: What it means, and what to do.
@@ -24,7 +24,7 @@ class Condition:
 
 #: By the place where they are counted, and code; a row that is a text is its cure.
 GROUPS = {
-    group: {code: Condition(**row) if isinstance(row, dict) else Condition(row) for code, row in rows.items()}
+    group: {code: ConditionRow(**row) if isinstance(row, dict) else ConditionRow(row) for code, row in rows.items()}
     for table in (yaml_table(Path(__file__).with_suffix('.yaml')), *(t for _, t in tables_of_wings('conditions.yaml')))
     for group, rows in table.items()
 }

@@ -20,7 +20,7 @@ from swath_sysid.pipeline.health import DISCOVERY, OK, WARN, Arrivals, Reasons, 
 
 
 @dataclass
-class Source:
+class UpstreamTopic:
     """A topic, and the fields of it that are channels."""
 
     topic: str
@@ -41,7 +41,7 @@ class Upstream:
 
     def __init__(self, node: Node, entries: Sequence[str], depth: int) -> None:
         self._node, self._depth = node, depth
-        self.sources: dict[str, Source] = {}
+        self.sources: dict[str, UpstreamTopic] = {}
         wanted = [entry for entry in entries if entry]
         self._wait_for_types([entry for entry in wanted if ':' not in entry])
         for entry in wanted:
@@ -54,7 +54,7 @@ class Upstream:
                     f'left out: start its sensor first, or name the field, as in {entry}:z'
                 )
                 continue
-            source = self.sources.setdefault(topic, Source(topic, kind))
+            source = self.sources.setdefault(topic, UpstreamTopic(topic, kind))
             source.fields |= channels_of(entry, kind)
 
     def settings(self, settings: PipelineSettings) -> PipelineSettings:
@@ -92,7 +92,7 @@ class Upstream:
         message = '; '.join(problems.values()) or f'receiving {names}'
         return [Report('upstream', WARN if problems else OK, message, values, tuple(problems))]
 
-    def _take(self, source: Source, message: Any) -> None:
+    def _take(self, source: UpstreamTopic, message: Any) -> None:
         source.arrivals.note(self._pipeline.newest_ns)
         stamp_ns = stamp_of(message)
         if stamp_ns is not None:
@@ -107,7 +107,7 @@ class Upstream:
             else:
                 self._leave_out(source)
 
-    def _leave_out(self, source: Source) -> None:
+    def _leave_out(self, source: UpstreamTopic) -> None:
         source.left_out += 1
         self._health.note('bad-upstream')
 
@@ -120,7 +120,7 @@ class Upstream:
         while not all(map(self._types_of, topics)) and time.monotonic() < deadline:
             time.sleep(0.05)
 
-    def _why_silent(self, source: Source) -> str:
+    def _why_silent(self, source: UpstreamTopic) -> str:
         others = [kind for kind in self._types_of(source.topic) if kind != source.kind]
         if others:
             return f'{source.topic} is published as {others[0]}, not {source.kind}: correct the field in upstream'

@@ -9,7 +9,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel, Region
 from swath_sysid.manoeuvring.hull.model import preset
-from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.standard_tests import RunNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
@@ -37,7 +37,7 @@ def runs_of(model=OLD, seed=1, names=None, currents=None):
     trials = []
     for k, name in enumerate(names or programme):
         m = programme[name] if currents is None else drifting(programme[name], currents[k])
-        trials.append(trial_of(with_noise(m, SensorNoise(), 100 * seed + k), name, model.thrust_input))
+        trials.append(trial_of(with_noise(m, RunNoise(), 100 * seed + k), name, model.thrust_input))
     return prepare_runs(trials)
 
 

@@ -18,7 +18,7 @@ from swath_sysid.formats.schema import plain_content
 from swath_sysid.manoeuvring.formats.csv import write_manoeuvring_csv
 from swath_sysid.manoeuvring.formats.model_file import manoeuvring_from_yaml, manoeuvring_to_yaml
 from swath_sysid.manoeuvring.hull.model import preset
-from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.standard_tests import RunNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.motion.window import THRUST_INPUTS
 from swath_sysid.manoeuvring.nodes.settings import manoeuvring_pipeline_settings, manoeuvring_settings
 from swath_sysid.manoeuvring.wing import WING
@@ -111,7 +111,7 @@ def folder_of_examples(tmp_path_factory):
     (folder / 'runs').mkdir()
     craft = preset('wamv-vrx-new')
     for seed, name in enumerate(('zigzag_20', 'mixed')):
-        manoeuvre = with_noise(trial_programme(craft)[name], SensorNoise(), seed)
+        manoeuvre = with_noise(trial_programme(craft)[name], RunNoise(), seed)
         write_manoeuvring_csv(folder / 'runs' / f'{name}.csv', manoeuvre, craft)
     (folder / 'wamv.yaml').write_text(manoeuvring_text(), encoding='utf-8')
     return folder

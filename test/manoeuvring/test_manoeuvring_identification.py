@@ -12,7 +12,7 @@ from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import check_stability
 from swath_sysid.manoeuvring.hull.simulation import simulate
-from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, run_test, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.standard_tests import RunNoise, run_test, trial_programme, with_noise
 from swath_sysid.manoeuvring.identification import held_out
 from swath_sysid.manoeuvring.identification.assembly import assemble, moving_runs, seen_region
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring, split
@@ -257,7 +257,7 @@ def test_the_diverging_model_is_counted_and_the_split_keeps_the_extremes(force_r
 
 @pytest.mark.long
 def test_anchored_runs_are_left_out_or_refused(force_runs):
-    still = with_noise(simulate(OLD, np.zeros(600), np.zeros(600), 0.1), SensorNoise(), 1)
+    still = with_noise(simulate(OLD, np.zeros(600), np.zeros(600), 0.1), RunNoise(), 1)
     anchored = prepare_runs([trial_of(still, 'anchored')])
     found = identify_manoeuvring([*force_runs[4:7], *anchored], ManoeuvringSettings(**QUICK), validation=())
     assert 'at-anchor' in codes(found)
@@ -268,7 +268,7 @@ def test_anchored_runs_are_left_out_or_refused(force_runs):
 
 def test_constant_thrust_flags_every_surge_derivative():
     steady = simulate(OLD, np.full(1200, 60.0), np.full(1200, 60.0), 0.1)
-    runs = prepare_runs([trial_of(with_noise(steady, SensorNoise(), 1), 'steady')])
+    runs = prepare_runs([trial_of(with_noise(steady, RunNoise(), 1), 'steady')])
     found = identify_manoeuvring(runs, ManoeuvringSettings(**QUICK))
     assert {'constant-thrust', 'no-turn'} <= codes(found)
     assert all('constant-thrust' in d.flags for d in found.derivatives.values())
@@ -339,7 +339,7 @@ def window():
     """One that saw three runs one after the other."""
     window, start = ManoeuvringWindow(), 0.0
     for k, name in enumerate(('speed_up', 'turns_fast', 'zigzag_20')):
-        m = with_noise(trial_programme(OLD)[name], SensorNoise(), 10 + k)
+        m = with_noise(trial_programme(OLD)[name], RunNoise(), 10 + k)
         columns = (m.time + start, m.surge, m.sway, m.yaw_rate, m.heading, m.x, m.y)
         for port, starboard, *motion in zip(m.port, m.starboard, *columns, strict=True):
             thrusts(window, port, starboard)

@@ -32,7 +32,7 @@ from swath_sysid.manoeuvring.formats.model_file import (  # noqa: E402
     read_manoeuvring_model,
 )
 from swath_sysid.manoeuvring.hull.simulation import simulate  # noqa: E402
-from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, with_noise  # noqa: E402
+from swath_sysid.manoeuvring.hull.standard_tests import RunNoise, with_noise  # noqa: E402
 from swath_sysid.manoeuvring.nodes.identifier import ManoeuvringIdentifier  # noqa: E402
 from swath_sysid.manoeuvring.nodes.predictor import ManoeuvringPredictor, odometry_message, odometry_reading  # noqa: E402
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreState  # noqa: E402
@@ -118,7 +118,7 @@ class Craft:
     """Publishes a run, faster than it was driven, stamped as it was."""
 
     def __init__(self, bench, run):
-        self.run, self.sensed = run, with_noise(run, SensorNoise(), 3)
+        self.run, self.sensed = run, with_noise(run, RunNoise(), 3)
         self.odometry = bench.publisher(Odometry, 'odometry')
         self.imu = bench.publisher(Imu, 'imu/data')
         self.left = bench.publisher(Float64, 'thrusters/left/thrust')

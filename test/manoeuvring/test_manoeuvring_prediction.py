@@ -10,7 +10,7 @@ from manoeuvring_runs import MODEL, OLD, identified, runs_of
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.simulation import simulate
-from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.standard_tests import RunNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.hull.thrust import ThrustMemory, acting_thrust
 from swath_sysid.manoeuvring.prediction.pipeline import (
     ManoeuvreOutlook,
@@ -135,7 +135,7 @@ SETTINGS = ManoeuvreOutlookSettings(leads=(1.0, 5.0), horizon=5.0, rate=1.0)
 
 @pytest.fixture(scope='module')
 def manoeuvre():
-    return with_noise(trial_programme(OLD)['mixed'], SensorNoise(), 1)
+    return with_noise(trial_programme(OLD)['mixed'], RunNoise(), 1)
 
 
 def readings(m, start=1e9):

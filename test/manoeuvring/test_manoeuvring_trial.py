@@ -14,7 +14,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.formats.bags import read_manoeuvring_bag, write_manoeuvring_bag
 from swath_sysid.manoeuvring.formats.csv import read_manoeuvring_csv, write_manoeuvring_csv
 from swath_sysid.manoeuvring.hull.simulation import simulate
-from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, trial_programme, with_noise
+from swath_sysid.manoeuvring.hull.standard_tests import RunNoise, trial_programme, with_noise
 from swath_sysid.manoeuvring.motion.intake import prepare, prepare_runs
 from swath_sysid.manoeuvring.motion.polarity import mirrored
 from swath_sysid.manoeuvring.motion.resampling import smoothed
@@ -24,7 +24,7 @@ from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial, turned
 @pytest.fixture(scope='module')
 def manoeuvres():
     runs = trial_programme(OLD)
-    return {k: with_noise(runs[k], SensorNoise(), seed) for seed, k in enumerate(('mixed', 'speed_up', 'zigzag_20'))}
+    return {k: with_noise(runs[k], RunNoise(), seed) for seed, k in enumerate(('mixed', 'speed_up', 'zigzag_20'))}
 
 
 @pytest.fixture(scope='module')

@@ -17,7 +17,7 @@ from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
 from swath_sysid.tank.campaign import evaluation
-from swath_sysid.tank.campaign.evaluation import Condition, Judgement, Record
+from swath_sysid.tank.campaign.evaluation import Condition, FitJudgement, Record
 from swath_sysid.tank.campaign.trials import of_like_periods, turns_of
 from swath_sysid.tank.report.campaign_report import decay_drawings
 
@@ -47,7 +47,7 @@ def fitted(problem, names):
 
 
 def judged(fits, other):
-    return from_plain(tuple[Judgement, ...], json.loads(json.dumps(evaluation.judge(fits, other))))
+    return from_plain(tuple[FitJudgement, ...], json.loads(json.dumps(evaluation.judge(fits, other))))
 
 
 @pytest.fixture(scope='module')

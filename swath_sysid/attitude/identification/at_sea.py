@@ -17,7 +17,7 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel, mounting
 from swath_sysid.attitude.identification.sea_likelihood import (
     ROUGHNESS,
     FrequencyPosterior,
-    HullPrior,
+    SeaHullPrior,
     SeaLikelihood,
     hull_posterior,
 )
@@ -202,7 +202,7 @@ def is_at_sea(identified: IdentifiedModel) -> bool:
 
 def identify_seas(
     records: Sequence[SeaRecord],
-    prior: HullPrior | None = None,
+    prior: SeaHullPrior | None = None,
     *,
     searched: bool = False,
     checks_parts: bool = True,
@@ -213,7 +213,7 @@ def identify_seas(
     ``checks_parts``: whether parts, or records, that are fitted alone must agree. Raises `InputError` where one is too
     short or cannot be used, and `Cancelled`.
     """
-    prior, report = prior or HullPrior(), progress or (lambda share: None)
+    prior, report = prior or SeaHullPrior(), progress or (lambda share: None)
     seas = [sea_of(record.motion) for record in records]
     parts = [parts_of(sea, record) for sea, record in zip(seas, records, strict=True)]
     every = [part for each in parts for part in each]
@@ -242,7 +242,7 @@ def identify_seas(
     return _identification(records, seas, likelihoods, found, _apart(alone), holds_decay)
 
 
-def prior_of(identified: IdentifiedModel, motion: AxisMotion) -> HullPrior:
+def prior_of(identified: IdentifiedModel, motion: AxisMotion) -> SeaHullPrior:
     """What a model of an earlier release says of the hull in a motion of this size."""
     size = EQUIVALENT * np.nanstd(motion.primary)
     if motion.angle is None:
@@ -250,8 +250,8 @@ def prior_of(identified: IdentifiedModel, motion: AxisMotion) -> HullPrior:
     curves = amplitude_curves(identified.model.ratios, np.array([size]), identified.model.friction_rate)
     frequency, damping = float(curves.frequency[0]), float(curves.damping_ratio[0])
     if not (np.isfinite(frequency) and damping > 0.0):
-        return HullPrior()
-    return HullPrior(float(np.log(damping)), DAMPING_KNOWN, float(np.log(frequency)), FREQUENCY_KNOWN)
+        return SeaHullPrior()
+    return SeaHullPrior(float(np.log(damping)), DAMPING_KNOWN, float(np.log(frequency)), FREQUENCY_KNOWN)
 
 
 def turns_of(trial: Trial) -> tuple[float, ...]:

@@ -35,7 +35,7 @@ CONVERGED = 0.02  #: Decrease of the cost.
 
 
 @dataclass(frozen=True)
-class HullPrior:
+class SeaHullPrior:
     """Means and standard deviations before the record is seen."""
 
     log_damping: float = float(np.log(0.12))
@@ -122,7 +122,7 @@ class SeaLikelihood:
         self,
         parts: Sequence[SeaPart],
         reference_rate: float,
-        prior: HullPrior,
+        prior: SeaHullPrior,
         should_cancel: Callable[[], bool] | None = None,
     ) -> None:
         self.parts, self._should_cancel = tuple(parts), should_cancel
@@ -143,7 +143,7 @@ class SeaLikelihood:
         self._basis = vectors[:, kept] * np.sqrt(values[kept])
         self._set_prior(prior)
 
-    def _set_prior(self, prior: HullPrior) -> None:
+    def _set_prior(self, prior: SeaHullPrior) -> None:
         waves, count = self.waves, len(self.parts)
         size, self._level = len(waves.mean), slice(2, 2 + count)
         self._shape = slice(2 + count, 2 + count + size)
@@ -299,7 +299,7 @@ class FrequencyPosterior:
 
 
 def hull_posterior(
-    records: Sequence[SeaLikelihood], prior: HullPrior, low: float, high: float, progress: Progress
+    records: Sequence[SeaLikelihood], prior: SeaHullPrior, low: float, high: float, progress: Progress
 ) -> FrequencyPosterior:
     """The hull that several records share, of a natural frequency between two, rad/s."""
     grid = np.arange(np.log(low), np.log(high), GRID_STEP)
@@ -327,7 +327,7 @@ def _appended(one: Optima, other: Optima) -> Optima:
     return Optima(*(np.concatenate([getattr(one, name), getattr(other, name)], axis=1) for name in names))
 
 
-def _joint(found: Sequence[Optima], prior: HullPrior, log_frequency: np.ndarray):
+def _joint(found: Sequence[Optima], prior: SeaHullPrior, log_frequency: np.ndarray):
     """Log posterior of records together, mean and variance of log damping, each (P,): the product of what each record
     says of the damping, in which the prior counts once.
     """

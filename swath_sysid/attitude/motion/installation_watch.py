@@ -14,7 +14,7 @@ from swath_sysid.attitude.motion.sensor_checks import (
     RATE_CODES,
     TILT_CODES,
     Contradiction,
-    Judgement,
+    SensorFindings,
 )
 from swath_sysid.attitude.motion.window import WindowSettings
 from swath_sysid.common.conditions import CONDITIONS
@@ -73,7 +73,7 @@ class InstallationCheck:
             self.judgements += bool(judgement.decided)
         return self._repeated + self.contradictions
 
-    def _judgement(self) -> Judgement:
+    def _judgement(self) -> SensorFindings:
         """Of the last `WINDOW`, or of `WINDOW_BINS`, if that is longer."""
         rows = self._rows.last()
         interval = float(np.median(np.diff(rows[:, 0])))
@@ -81,11 +81,11 @@ class InstallationCheck:
         rows = rows[-max(in_time, sensor_checks.WINDOW_BINS * sensor_checks.samples_a_bin(interval)) :]
         # the mean of less is not accepted as gravity
         if rows[-1, 0] - rows[0, 0] < 2.0 * sensor_checks.FROZEN:
-            return Judgement()
+            return SensorFindings()
         parts = sensor_checks.binned(rows[:, 0], np.split(rows[:, 1:], 3, axis=1), interval)
         return sensor_checks.judge(*parts, installation=self._installation, interval=interval)
 
-    def _weigh(self, judgement: Judgement) -> None:
+    def _weigh(self, judgement: SensorFindings) -> None:
         """Report or drop contradictions when `CONFIRMATIONS` judgements agree."""
         found = {(each.code, each.axis): each for each in judgement.contradictions}
         # a craft that has once floated level on its sensor is held, or has a list

@@ -97,7 +97,7 @@ class Contradiction(Advice):
 
 
 @dataclass(frozen=True)
-class Judgement:
+class SensorFindings:
     """The contradictions in a stretch of data, and the codes that it could decide."""
 
     contradictions: tuple[Contradiction, ...] = ()
@@ -151,15 +151,15 @@ def judge(
     *,
     installation: Installation,
     interval: float,
-) -> Judgement:
+) -> SensorFindings:
     """Judge one stretch of data: roll, pitch and yaw, rad, their rates, rad/s, and specific force, m/s^2, each (N, 3).
     All are in the axes of the craft as the installation makes them, NaN where unknown; the interval is the sensor's, s.
     """
     repeated = None if time.size < MIN_BINS else _repeats(time, angles, rates, force)
     if repeated is None:
-        return Judgement()
+        return SensorFindings()
     if repeated:
-        return Judgement(tuple(repeated), REPEAT_CODES)
+        return SensorFindings(tuple(repeated), REPEAT_CODES)
     up, mean_force = mean_up(angles), mean_force_of(force)
     evened = _evened(time, angles[:, :2], rates)
     slopes = () if evened is None else compare_rates(*evened)
@@ -172,7 +172,7 @@ def judge(
             found += _offsets(*evened)
     if not any(each.code in GRAVITY_CODES for each in found):
         found += _tilt(angles, force, installation)
-    return Judgement(tuple(found), decided)
+    return SensorFindings(tuple(found), decided)
 
 
 def samples_a_bin(interval: float) -> int:

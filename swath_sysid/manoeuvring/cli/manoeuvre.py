@@ -28,7 +28,7 @@ from swath_sysid.manoeuvring.identification.excitation import excitation, lackin
 from swath_sysid.manoeuvring.identification.identify import identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.motion.intake import prepare_runs
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, COMMAND, Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, COMMAND, CraftRun
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlookSettings
 from swath_sysid.manoeuvring.prediction.skill import calibrated, score_forecasts
 from swath_sysid.manoeuvring.report import summary
@@ -65,7 +65,7 @@ def run(arguments: Namespace) -> int:
     return tasks[arguments.task](arguments)
 
 
-def read_runs(paths: Sequence[str], arguments: Namespace) -> list[Run]:
+def read_runs(paths: Sequence[str], arguments: Namespace) -> list[CraftRun]:
     """Read and prepare runs, all with one step."""
     sources.refuse_twice(paths)
     return prepare_runs([_read(path, arguments) for path in paths], arguments.gap_means_zero)
@@ -228,9 +228,9 @@ def _simulate(arguments: Namespace):
     report = standard_tests.run_test(arguments.test, model, settings)
     if arguments.output:
         noise = (
-            standard_tests.SensorNoise(*arguments.noise)
+            standard_tests.RunNoise(*arguments.noise)
             if arguments.noise
-            else standard_tests.SensorNoise(0.0, 0.0, 0.0, 0.0)
+            else standard_tests.RunNoise(0.0, 0.0, 0.0, 0.0)
         )
         _write(arguments.output, standard_tests.with_noise(report.manoeuvre, noise, arguments.seed), model)
     if arguments.plot:
@@ -251,7 +251,7 @@ def _programme(model: Any, arguments: Namespace):
         model = replace(model.with_values(**values), thrust_input=COMMAND, largest_input=1.0)
     if arguments.current is not None:
         model = replace(model, current=tuple(arguments.current))
-    noise = standard_tests.SensorNoise(*arguments.noise) if arguments.noise else standard_tests.SensorNoise()
+    noise = standard_tests.RunNoise(*arguments.noise) if arguments.noise else standard_tests.RunNoise()
     folder = Path(arguments.output)
     folder.mkdir(parents=True, exist_ok=True)
     written = []

@@ -27,7 +27,7 @@ MIXED = ((0.8, 0.4), (0.3, 0.7), (0.9, 0.9), (0.2, 0.6), (0.7, 0.1), (0.1, 0.1),
 
 
 @dataclass(frozen=True)
-class SensorNoise:
+class RunNoise:
     """Standard deviations of white noise: speeds, m/s, yaw rate, rad/s, heading, rad, position, m."""
 
     speed: float = 0.05
@@ -55,7 +55,7 @@ def trial_programme(model: ManoeuvringModel) -> dict[str, Manoeuvre]:
     }
 
 
-def with_noise(manoeuvre: Manoeuvre, noise: SensorNoise, seed: int) -> Manoeuvre:
+def with_noise(manoeuvre: Manoeuvre, noise: RunNoise, seed: int) -> Manoeuvre:
     """The manoeuvre as noisy sensors record it; time, inputs, ``u`` and ``v`` stay exact."""
     rng = np.random.default_rng(seed)
 

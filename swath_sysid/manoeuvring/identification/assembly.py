@@ -14,12 +14,12 @@ from swath_sysid.manoeuvring.hull.model import WAMV_LENGTH, WAMV_LEVER, paramete
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.identification.disturbances import surge_ratios, sway_ratios, yaw_ratios
-from swath_sysid.manoeuvring.identification.scaling import SWAY_SHARE, Scales
+from swath_sysid.manoeuvring.identification.scaling import SWAY_SHARE, UnitScales
 from swath_sysid.manoeuvring.identification.settings import AUTO, SHARED, ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, MIN_DECAY, Unknowns
 from swath_sysid.manoeuvring.motion.polarity import USUAL_CURRENT
 from swath_sysid.manoeuvring.motion.resampling import TURNING
-from swath_sysid.manoeuvring.motion.trial import COMMAND, Run
+from swath_sysid.manoeuvring.motion.trial import COMMAND, CraftRun
 
 AT_ANCHOR = 0.15  #: m/s; craft that are never faster, and do not turn, are at anchor.
 SWAY_SEEN = 0.03  #: m/s.
@@ -31,7 +31,7 @@ T = TypeVar('T')
 
 
 @dataclass(frozen=True)
-class Problem:
+class RunProblem:
     """An identification problem."""
 
     runs: tuple
@@ -42,7 +42,7 @@ class Problem:
     #: other, and the reverse ratio, without which hull terms take up its effect.
     tentative: tuple[str, ...]
     candidates: tuple[tuple[str, ...], ...]  #: Groups of unknowns that may be added.
-    scales: Scales
+    scales: UnitScales
     length: float  #: m.
     towards: dict
     assumed: tuple[str, ...]  #: Parameters with usual values, which these runs do not excite.
@@ -72,7 +72,7 @@ class Problem:
         return self.scales.unit(name), low, high, target, spread
 
 
-def moving_runs(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[Advice, ...]]:
+def moving_runs(runs: Sequence[CraftRun]) -> tuple[tuple[CraftRun, ...], tuple[Advice, ...]]:
     """Runs that moved, and advice for those at anchor or without thrust; rejects runs of which none moved."""
     kept, advice = [], []
     for run in runs:
@@ -88,7 +88,7 @@ def moving_runs(runs: Sequence[Run]) -> tuple[tuple[Run, ...], tuple[Advice, ...
     return tuple(kept), tuple(advice)
 
 
-def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
+def assemble(runs: Sequence[CraftRun], settings: ManoeuvringSettings) -> RunProblem:
     """Make a problem of moving runs."""
     inputs = {run.thrust_input for run in runs}
     if len(inputs) > 1:
@@ -105,7 +105,7 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
         raise InputError('nothing can be identified: ' + '; '.join(a.message for a in advice))
     values = _first_guesses(runs, settings, facts)
     largest = _largest_motion(runs)
-    scales = Scales(max(largest[0], 0.2), max(largest[2], 0.05), values['m'], values['Iz'])
+    scales = UnitScales(max(largest[0], 0.2), max(largest[2], 0.05), values['m'], values['Iz'])
     fixed, terms = set(settings.fixed), settings.terms or ()
     free = [name for name in (*_holding(_SEARCHED, facts), *terms) if name not in fixed]
     tentative = [name for name in _holding(_TENTATIVE, facts) if name not in fixed]
@@ -114,7 +114,7 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
     ties = dict(_holding(_TIES, facts))
     values.update({name: values.get(leader, 0.0) for name, leader in ties.items()})
     motion = np.array([scales.speed, max(largest[1], SWAY_SHARE * scales.speed), scales.yaw_rate])
-    return Problem(
+    return RunProblem(
         tuple(runs),
         thrust_input,
         parameter_values(values),
@@ -134,7 +134,7 @@ def assemble(runs: Sequence[Run], settings: ManoeuvringSettings) -> Problem:
     )
 
 
-def seen_region(runs: Sequence[Run]) -> Region:
+def seen_region(runs: Sequence[CraftRun]) -> Region:
     """The range of motion and inputs in some runs, without their outermost half percent."""
     surge, sway, rate = (np.concatenate([run.smooth[c] for run in runs]) for c in range(3))
     inputs = _inputs(runs)
@@ -150,7 +150,7 @@ def seen_region(runs: Sequence[Run]) -> Region:
     )
 
 
-def facts_of(runs: Sequence[Run], settings: ManoeuvringSettings) -> frozenset[str]:
+def facts_of(runs: Sequence[CraftRun], settings: ManoeuvringSettings) -> frozenset[str]:
     """What the rules need to know of runs and settings: each fact, or ``no`` and the fact."""
     _, sway, rate = _largest_motion(runs)
     total = np.concatenate([run.port + run.starboard for run in runs])
@@ -268,7 +268,7 @@ _ASSUMED = (
 _TIES = ((('Yur', 'Xu_dot'), 'Y, any terms, no sway scale'),)
 
 
-def _advice(runs: Sequence[Run], settings: ManoeuvringSettings, facts: frozenset[str]) -> tuple[Advice, ...]:
+def _advice(runs: Sequence[CraftRun], settings: ManoeuvringSettings, facts: frozenset[str]) -> tuple[Advice, ...]:
     """What cannot be identified from the runs, or only under assumptions."""
     surge = np.abs(np.concatenate([run.smooth[0] for run in runs]))
     runs_up = 'X' in facts and _largest(surge) - np.nanquantile(surge, 0.02) > 0.3 * _largest(surge)
@@ -282,13 +282,13 @@ def _advice(runs: Sequence[Run], settings: ManoeuvringSettings, facts: frozenset
     return tuple(Advice.of(code, **data) for code in _holding(_WARNINGS, facts))
 
 
-def _stated(runs: Sequence[Run], settings: ManoeuvringSettings, name: str) -> float | None:
+def _stated(runs: Sequence[CraftRun], settings: ManoeuvringSettings, name: str) -> float | None:
     """Lever or length of the craft: given, or stated in a record."""
     stated = (getattr(run, name) for run in runs)
     return getattr(settings, name) or next((value for value in stated if value is not None), None)
 
 
-def _first_guesses(runs: Sequence[Run], settings: ManoeuvringSettings, facts: frozenset[str]) -> dict[str, float]:
+def _first_guesses(runs: Sequence[CraftRun], settings: ManoeuvringSettings, facts: frozenset[str]) -> dict[str, float]:
     """Known values and first guesses of masses, thrust scale and linear damping, by regression."""
     lever = _stated(runs, settings, 'lever') or WAMV_LEVER
     full = 1.0 if 'command' in facts else float(np.max(np.abs(_inputs(runs))))
@@ -318,11 +318,11 @@ def _first_guesses(runs: Sequence[Run], settings: ManoeuvringSettings, facts: fr
     return values
 
 
-def _inputs(runs: Sequence[Run]):
+def _inputs(runs: Sequence[CraftRun]):
     return np.concatenate([np.concatenate([run.port, run.starboard]) for run in runs])
 
 
-def _largest_motion(runs: Sequence[Run]) -> tuple[float, float, float]:
+def _largest_motion(runs: Sequence[CraftRun]) -> tuple[float, float, float]:
     """Largest surge, sway, m/s, and yaw rate, rad/s; zero where not measured."""
     surge, sway, rate = (_largest(np.concatenate([run.smooth[c] for run in runs])) for c in range(3))
     return surge, sway, rate
@@ -333,7 +333,7 @@ def _largest(values: np.ndarray):
     return float(np.nanquantile(values, 0.995)) if np.isfinite(values).any() else 0.0
 
 
-def sensor_noise(runs: Sequence[Run]) -> np.ndarray:
+def sensor_noise(runs: Sequence[CraftRun]) -> np.ndarray:
     """White noise of surge, sway and yaw rate, the median of the runs, shape (3,)."""
     by_channel = zip(*(run.channels for run in runs), strict=True)
     return np.array([np.median([white_noise(c[np.isfinite(c)]) for c in same]) for same in by_channel])

@@ -15,7 +15,7 @@ from swath_sysid.manoeuvring.hull.measurement import through_water
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import BALANCE
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust, thrust_curve
-from swath_sysid.manoeuvring.motion.trial import Run
+from swath_sysid.manoeuvring.motion.trial import CraftRun
 
 #: s; sensor noise and smoothing are uncorrelated at the first, gusts still correlated at the second.
 LAGS = (1.0, 4.0)
@@ -24,7 +24,7 @@ SENSORS = np.array([0.05, 0.01, 0.01, 0.5])
 MIN_SENSORS = np.array([0.005, 0.0005, 0.0005, 0.01])
 
 
-def forecast_noise(model: ManoeuvringModel, runs: Sequence[Run]) -> ForecastNoise:
+def forecast_noise(model: ManoeuvringModel, runs: Sequence[CraftRun]) -> ForecastNoise:
     """Disturbances, thrust changes and sensor noise in the runs of the identification; intervals not yet calibrated. A
     disturbance is first-order Gauss-Markov, with variance and time from the autocovariance of the residual
     accelerations at two lags, but at most the duration of all runs.
@@ -46,7 +46,7 @@ def forecast_noise(model: ManoeuvringModel, runs: Sequence[Run]) -> ForecastNois
     return ForecastNoise(disturbance, time, mean, covariance, held, np.maximum(_sensors(runs), MIN_SENSORS))
 
 
-def _thrust(model: ManoeuvringModel, runs: Sequence[Run], longest: float):
+def _thrust(model: ManoeuvringModel, runs: Sequence[CraftRun], longest: float):
     """Mean and covariance of the thrusts under held inputs, and how long they are held: see `ForecastNoise`."""
     p = model.values
     sides = np.array([1.0 - p[BALANCE], 1.0 + p[BALANCE]])[:, None]
@@ -64,7 +64,7 @@ def _thrust(model: ManoeuvringModel, runs: Sequence[Run], longest: float):
     return mean, covariance, float(np.clip(held, runs[0].step, longest))
 
 
-def _accelerations_left(model: ManoeuvringModel, run: Run):
+def _accelerations_left(model: ManoeuvringModel, run: CraftRun):
     """Accelerations, measured less modelled, shape (3, N)."""
     port, starboard = acting_thrust(run.port, run.starboard, model.values, run.step)
     surge, sway, rate = run.smooth
@@ -77,7 +77,7 @@ def _accelerations_left(model: ManoeuvringModel, run: Run):
     return np.where(unknown, np.nan, measured - expected)
 
 
-def _sensors(runs: Sequence[Run]):
+def _sensors(runs: Sequence[CraftRun]):
     """Standard deviations of the white noise of the sensors, usual ones where not recorded."""
     found = []
     for names, usual in zip((('surge', 'sway'), ('yaw_rate',), ('heading',), ('x', 'y')), SENSORS, strict=True):
@@ -90,7 +90,7 @@ def _sensors(runs: Sequence[Run]):
 Thrusts = Sequence[np.ndarray]  #: Acting thrust of port and starboard, N, of each run.
 
 
-def _regressed(runs: Sequence[Run], thrusts: Thrusts, series: Callable, signs: Sequence[int]) -> np.ndarray:
+def _regressed(runs: Sequence[CraftRun], thrusts: Thrusts, series: Callable, signs: Sequence[int]) -> np.ndarray:
     """Coefficients of the columns, zeros where there are too few usable samples. ``series`` makes target and columns of
     u, v, r, port and starboard; ``signs``: 1 for a coefficient of at least 0, -1 of at most 0, 0 for any.
     """
@@ -113,14 +113,14 @@ def _regressed(runs: Sequence[Run], thrusts: Thrusts, series: Callable, signs: S
     return lsq_linear(matrix[known] / size, target[known], bounds=bounds).x / size
 
 
-def surge_ratios(runs: Sequence[Run], thrusts: Thrusts) -> np.ndarray:
+def surge_ratios(runs: Sequence[CraftRun], thrusts: Thrusts) -> np.ndarray:
     """Thrust gain (at least 0), linear and quadratic damping (at most 0) over inertia; zeros where not determined."""
     return _regressed(
         runs, thrusts, lambda u, v, r, port, starboard: (u, port + starboard, u, np.abs(u) * u), (1, -1, -1)
     )
 
 
-def yaw_ratios(runs: Sequence[Run], thrusts: Thrusts) -> np.ndarray:
+def yaw_ratios(runs: Sequence[CraftRun], thrusts: Thrusts) -> np.ndarray:
     """Gain of the thrust difference over inertia, and linear yaw damping over inertia, shape (2,). Where speed and sway
     are measured the regression includes further damping and the Munk moment, without which a marginally course-stable
     craft looks heavy.
@@ -134,6 +134,6 @@ def yaw_ratios(runs: Sequence[Run], thrusts: Thrusts) -> np.ndarray:
     return np.array([rich[0], plain[1] * rich[0] / plain[0]]) if rich[0] > plain[0] > 0.0 else plain
 
 
-def sway_ratios(runs: Sequence[Run], thrusts: Thrusts) -> np.ndarray:
+def sway_ratios(runs: Sequence[CraftRun], thrusts: Thrusts) -> np.ndarray:
     """Mass over sway inertia (of -u r), and linear sway damping over inertia, shape (2,)."""
     return _regressed(runs, thrusts, lambda u, v, r, port, starboard: (v, -u * r, v), (1, -1))

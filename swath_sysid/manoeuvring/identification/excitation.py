@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from swath_sysid.manoeuvring.hull.terms import INDEX, PARAMETERS
-from swath_sysid.manoeuvring.motion.trial import Run
+from swath_sysid.manoeuvring.motion.trial import CraftRun
 
 ENOUGH = 0.15  #: Derivatives with a smaller share of their own can hardly be separated.
 
 
-def excitation(runs: Sequence[Run]) -> dict[str, float]:
+def excitation(runs: Sequence[CraftRun]) -> dict[str, float]:
     """Excitation of derivatives by runs, 0 to 1; 0 where the motion does not occur. In each equation the motion of a
     derivative is regressed on that of the others; the residual over its size is the excitation (the root of one over
     the variance inflation factor).
@@ -40,7 +40,7 @@ def lacking(shares: dict[str, float]) -> dict[str, str]:
     return {name: PARAMETERS[INDEX[name]].separated_by for name, share in shares.items() if share < ENOUGH}
 
 
-def _equations(runs: Sequence[Run]):
+def _equations(runs: Sequence[CraftRun]):
     """Names and motions, shape (K, N), of surge, sway and yaw; the thrust is a motion without a name."""
     u, v, r = (_known(np.concatenate([run.smooth[c] for run in runs])) for c in range(3))
     changes = [_known(np.concatenate([np.gradient(run.smooth[c], run.step) for run in runs])) for c in range(3)]

@@ -18,13 +18,13 @@ from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringM
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS, PrimeUnits
 from swath_sysid.manoeuvring.identification import assembly, selection
-from swath_sysid.manoeuvring.identification.assembly import Problem
+from swath_sysid.manoeuvring.identification.assembly import RunProblem
 from swath_sysid.manoeuvring.identification.disturbances import forecast_noise
 from swath_sysid.manoeuvring.identification.selection import Fit
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.shooting import CURRENT, objective_of_population
 from swath_sysid.manoeuvring.identification.validation import Scores, score
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, CraftRun
 
 GOOD_R2 = {'surge': 0.9, 'sway': 0.5, 'yaw_rate': 0.8}  #: Of an adequate model.
 
@@ -150,9 +150,9 @@ class ManoeuvringIdentification:
 
 
 def identify_manoeuvring(
-    runs: Sequence[Run],
+    runs: Sequence[CraftRun],
     settings: ManoeuvringSettings | None = None,
-    validation: Sequence[Run] | None = None,
+    validation: Sequence[CraftRun] | None = None,
     progress: Callable[[float], object] | None = None,
     should_cancel: Callable[[], bool] | None = None,
 ) -> ManoeuvringIdentification:
@@ -205,7 +205,7 @@ def identify_manoeuvring(
 
 
 def _tested_on_a_third(
-    runs: tuple[Run, ...], settings: ManoeuvringSettings, note: Callable[[float], object]
+    runs: tuple[CraftRun, ...], settings: ManoeuvringSettings, note: Callable[[float], object]
 ) -> ManoeuvringIdentification:
     """Of all runs, with the scores on some of them of a fit to the others: a run held out for good would be wasted."""
     kept, held_out = split(runs)
@@ -217,7 +217,10 @@ def _tested_on_a_third(
 
 
 def _fitted(
-    runs: tuple[Run, ...], held_out: tuple[Run, ...], settings: ManoeuvringSettings, note: Callable[[float], object]
+    runs: tuple[CraftRun, ...],
+    held_out: tuple[CraftRun, ...],
+    settings: ManoeuvringSettings,
+    note: Callable[[float], object],
 ) -> ManoeuvringIdentification:
     """What a fit to some runs says, with its scores, on runs held out too, and its warnings."""
     problem = assembly.assemble(runs, settings)
@@ -227,7 +230,7 @@ def _fitted(
 
 
 def _outcome(
-    problem: Problem, found: Fit, held_out: tuple[Run, ...], settings: ManoeuvringSettings
+    problem: RunProblem, found: Fit, held_out: tuple[CraftRun, ...], settings: ManoeuvringSettings
 ) -> ManoeuvringIdentification:
     """What a fit says, with its scores and warnings."""
     runs, model = problem.runs, selection.model_of(problem, found.names, found.values)
@@ -261,7 +264,7 @@ def _outcome(
     return ManoeuvringIdentification(*fitted, *tested, *counts, tuple(advice))
 
 
-def _of_excited(scores: Scores, runs: Sequence[Run], settings: ManoeuvringSettings) -> Scores:
+def _of_excited(scores: Scores, runs: Sequence[CraftRun], settings: ManoeuvringSettings) -> Scores:
     """The scores without the R2 of what neither runs nor model do: it would compare noise with noise."""
     facts, noise = assembly.facts_of(runs, settings), dict(zip(CHANNELS, assembly.sensor_noise(runs), strict=True))
     idle = [name for name, fact in (('sway', 'no Y'), ('yaw_rate', 'no N')) if fact in facts]
@@ -269,7 +272,7 @@ def _of_excited(scores: Scores, runs: Sequence[Run], settings: ManoeuvringSettin
     return replace(scores, r2=scores.r2 | unknown)
 
 
-def split(runs: Sequence[Run], share: float = 1.0 / 3.0) -> tuple[tuple[Run, ...], tuple[Run, ...]]:
+def split(runs: Sequence[CraftRun], share: float = 1.0 / 3.0) -> tuple[tuple[CraftRun, ...], tuple[CraftRun, ...]]:
     """Runs to identify from, and runs held out, whose motion the others cover; none is held out of fewer than three."""
     if len(runs) < 3:
         return tuple(runs), ()
@@ -288,7 +291,7 @@ def split(runs: Sequence[Run], share: float = 1.0 / 3.0) -> tuple[tuple[Run, ...
     return tuple(runs[k] for k in kept), tuple(run for k, run in enumerate(runs) if k not in kept)
 
 
-def _span(run: Run):
+def _span(run: CraftRun):
     """Extremes of speed, yaw rate and thrust difference to both sides, lowest input, and duration."""
     speed, _, rate = run.smooth
     difference = run.starboard - run.port
@@ -300,7 +303,7 @@ def _span(run: Run):
     return [most(speed), most(rate), most(-rate), most(difference), most(-difference), most(-least), run.duration]
 
 
-def _searched(problem: Problem, settings: ManoeuvringSettings, note: Callable[[float], object]):
+def _searched(problem: RunProblem, settings: ManoeuvringSettings, note: Callable[[float], object]):
     """The better of the start by regression and the best of a genetic search around it."""
     start = problem.start(problem.free)
     unknowns = problem.unknowns(problem.free)
@@ -318,7 +321,7 @@ def _searched(problem: Problem, settings: ManoeuvringSettings, note: Callable[[f
     return search.best.copy()
 
 
-def _derivatives(problem: Problem, found: Fit, units: PrimeUnits):
+def _derivatives(problem: RunProblem, found: Fit, units: PrimeUnits):
     """Derivatives with their flags, and advice for those that are doubtful."""
     std = np.sqrt(np.diag(found.covariance.matrix))
     flags = {name: [problem.flags[name]] if name in problem.flags else [] for name in found.names}

@@ -18,7 +18,7 @@ from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
 from swath_sysid.manoeuvring.identification.validation import Scores, score
 from swath_sysid.manoeuvring.motion.intake import prepare
 from swath_sysid.manoeuvring.motion.resampling import LONGEST_GAP
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, ManoeuvringTrial, Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, CraftRun, ManoeuvringTrial
 
 PIECE = 60.0  #: s; least motion for a refit, and length of the runs that it is cut into; a third of them validates.
 
@@ -80,7 +80,7 @@ def refit_manoeuvring(
     return ManoeuvreRefitOutcome(model, f'{summary}{better}; {found.verdict}', misfit, current_misfit)
 
 
-def pieces(run: Run) -> list[Run]:
+def pieces(run: CraftRun) -> list[CraftRun]:
     """One run of at least `PIECE` as several, cut at gaps in the odometry and about every `PIECE` seconds."""
     if run.duration < PIECE:
         raise InputError(f'{run.duration:.0f} s are too short: drive {PIECE:.0f} s or more, straight and in zig-zags')
@@ -88,7 +88,7 @@ def pieces(run: Run) -> list[Run]:
     places = np.flatnonzero(known)
     breaks = places[1:][np.diff(places) * run.step > LONGEST_GAP]
     edges = [places[0], *breaks, places[-1] + 1]
-    found: list[Run] = []
+    found: list[CraftRun] = []
     for begin, end in pairwise(edges):
         last = places[places < end][-1] + 1
         count = max(1, round((last - begin) * run.step / PIECE))
@@ -97,7 +97,7 @@ def pieces(run: Run) -> list[Run]:
     return [part for part in found if part.duration >= 0.25 * PIECE]
 
 
-def _part(run: Run, span: slice, number: int):
+def _part(run: CraftRun, span: slice, number: int):
     cut: dict[str, Any] = {
         name: values[..., span] for name, values in vars(run).items() if isinstance(values, np.ndarray)
     }

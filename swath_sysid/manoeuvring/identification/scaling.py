@@ -35,7 +35,7 @@ _SPREADS = {
 
 
 @dataclass(frozen=True)
-class Scales:
+class UnitScales:
     """Largest motion and mass of a craft."""
 
     speed: float  #: m/s.

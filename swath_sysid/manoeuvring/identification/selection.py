@@ -11,7 +11,7 @@ from swath_sysid.manoeuvring.hull.identified_model import check_stability, strai
 from swath_sysid.manoeuvring.hull.model import ManoeuvringModel
 from swath_sysid.manoeuvring.hull.terms import INDEX, NEUTRAL, PARAMETERS, THRUST
 from swath_sysid.manoeuvring.identification import held_out
-from swath_sysid.manoeuvring.identification.assembly import EQUAL_CURRENTS, USUAL_RESPONSE, Problem
+from swath_sysid.manoeuvring.identification.assembly import EQUAL_CURRENTS, USUAL_RESPONSE, RunProblem
 from swath_sysid.manoeuvring.identification.scaling import SWAY_SHARE
 from swath_sysid.manoeuvring.identification.settings import cut
 from swath_sysid.manoeuvring.identification.shooting import (
@@ -80,8 +80,8 @@ class Fit:
 
 
 def identified(
-    problem: Problem, start: np.ndarray, window: float, any_terms: bool, note: Callable[[float], object]
-) -> tuple[Problem, Fit]:
+    problem: RunProblem, start: np.ndarray, window: float, any_terms: bool, note: Callable[[float], object]
+) -> tuple[RunProblem, Fit]:
     """The problem, noise and growth as found, and the fit of the terms worth having; ``any_terms`` end at no bound."""
     names = (*problem.free, *problem.tentative)
     values = np.concatenate([start, problem.start(problem.tentative)])
@@ -101,7 +101,7 @@ def identified(
     return problem, replace(with_refused(problem, found), evaluations=evaluations)
 
 
-def model_of(problem: Problem, names: Sequence[str], values: np.ndarray) -> ManoeuvringModel:
+def model_of(problem: RunProblem, names: Sequence[str], values: np.ndarray) -> ManoeuvringModel:
     """The model for some values of the unknowns."""
     found = dict(zip(names, values, strict=True))
     east, north = (float(found.get(c, 0.0)) for c in CURRENT)
@@ -114,7 +114,7 @@ def model_of(problem: Problem, names: Sequence[str], values: np.ndarray) -> Mano
     )
 
 
-def shooting_of(problem: Problem, window: float) -> Shooting:
+def shooting_of(problem: RunProblem, window: float) -> Shooting:
     """Multiple shooting over the runs of a problem, with its always-free unknowns."""
     windows = cut(problem.runs, window)
     unknowns, hidden = problem.unknowns(()), Hidden.measured(windows)
@@ -122,7 +122,7 @@ def shooting_of(problem: Problem, window: float) -> Shooting:
     return in_problem(bare, problem, problem.free)
 
 
-def in_problem(shooting: Shooting, problem: Problem, names: Sequence[str]) -> Shooting:
+def in_problem(shooting: Shooting, problem: RunProblem, names: Sequence[str]) -> Shooting:
     """The shooting with the unknowns, noise and demands of a problem."""
     return replace(
         shooting,
@@ -135,7 +135,7 @@ def in_problem(shooting: Shooting, problem: Problem, names: Sequence[str]) -> Sh
     )
 
 
-def fit(problem: Problem, shooting: Shooting, names: Sequence[str], values: np.ndarray, rounds: int = 2) -> Fit:
+def fit(problem: RunProblem, shooting: Shooting, names: Sequence[str], values: np.ndarray, rounds: int = 2) -> Fit:
     """Refine some unknowns from a start, with robust weights renewed in every round."""
     shooting = replace(shooting, unknowns=problem.unknowns(names), base=problem.base)
     evaluations = 0
@@ -149,7 +149,7 @@ def fit(problem: Problem, shooting: Shooting, names: Sequence[str], values: np.n
     return replace(fit_at(problem, found.shooting, found.values, found.cost), evaluations=evaluations)
 
 
-def fit_at(problem: Problem, shooting: Shooting, values: np.ndarray, cost: float) -> Fit:
+def fit_at(problem: RunProblem, shooting: Shooting, values: np.ndarray, cost: float) -> Fit:
     """The fit at some values, its covariance by the autocorrelation of residuals and the scatter of the runs."""
     names = shooting.unknowns.names
     residual, slopes, _ = projected(shooting, values, shooting.hidden)
@@ -166,7 +166,7 @@ def fit_at(problem: Problem, shooting: Shooting, values: np.ndarray, cost: float
     return Fit(names, values, cost, shooting, covariance, stable, without, inflation)
 
 
-def first_fit(problem: Problem, shooting: Shooting, names: Sequence[str], values: np.ndarray) -> Fit:
+def first_fit(problem: RunProblem, shooting: Shooting, names: Sequence[str], values: np.ndarray) -> Fit:
     """The best on runs held out of several starts. Without the usual terms a marginally course-stable hull looks like
     a much heavier one, and adding them one by one does not lead away from it; a hull that hardly slips sideways looks
     like a light one behind slow thrusters, unless the search starts from a sway that is damped within a second.
@@ -184,7 +184,7 @@ def first_fit(problem: Problem, shooting: Shooting, names: Sequence[str], values
     return _best(found)
 
 
-def _with_damped_sway(problem: Problem, names: Sequence[str], start: np.ndarray):
+def _with_damped_sway(problem: RunProblem, names: Sequence[str], start: np.ndarray):
     """The start with sway damped within its usual time and without added mass; None where sway is not searched."""
     if not {'Yv', 'Yv_dot'} <= set(names):
         return None
@@ -208,8 +208,8 @@ def _best(found: Sequence[Fit]):
 
 
 def off_course(
-    problem: Problem, window: float, names: Sequence[str], values: np.ndarray, kept: Fit
-) -> tuple[Problem, Fit]:
+    problem: RunProblem, window: float, names: Sequence[str], values: np.ndarray, kept: Fit
+) -> tuple[RunProblem, Fit]:
     """The problem and fit of a course-unstable craft where its runs show one, else those given."""
     growth = check_stability(model_of(problem, kept.names, kept.values), problem.region).largest_growth
     if growth < -MIN_DECAY:
@@ -222,7 +222,7 @@ def off_course(
     return (free, found) if found.stable and ahead < OFF_COURSE * behind else (problem, kept)
 
 
-def with_noise(problem: Problem, found: Fit) -> Problem:
+def with_noise(problem: RunProblem, found: Fit) -> RunProblem:
     """The problem with the residual noise of a fit, at least `NOISE_FLOOR` of the motion; what is unmeasured stays."""
     residual = channel_residuals(found.shooting, found.values)
     motion = [problem.scales.speed, SWAY_SHARE * problem.scales.speed, problem.scales.yaw_rate]
@@ -238,7 +238,7 @@ def with_noise(problem: Problem, found: Fit) -> Problem:
     return replace(problem, noise=np.array(noise))
 
 
-def with_drift_spread(problem: Problem, found: Fit) -> Problem:
+def with_drift_spread(problem: RunProblem, found: Fit) -> RunProblem:
     """The problem with the spread of the currents of the runs as a fit found it (one step of EM). Autocorrelated
     residuals, which count for fewer samples, weigh less against equal currents.
     """
@@ -249,7 +249,7 @@ def with_drift_spread(problem: Problem, found: Fit) -> Problem:
     return replace(problem, drift_spread=float(max(spread, EQUAL_CURRENTS) / np.sqrt(found.inflation)))
 
 
-def renewed(problem: Problem, found: Fit, parts: int = 1) -> Shooting:
+def renewed(problem: RunProblem, found: Fit, parts: int = 1) -> Shooting:
     """A shooting with the noise of the problem and the states of a fit."""
     shooting = in_problem(found.shooting, problem, found.names)
     if parts != shooting.parts:
@@ -257,7 +257,7 @@ def renewed(problem: Problem, found: Fit, parts: int = 1) -> Shooting:
     return weighed(shooting, found.values)
 
 
-def select(problem: Problem, first: Fit, note: Callable[[int], object] | None = None) -> tuple[Problem, Fit]:
+def select(problem: RunProblem, first: Fit, note: Callable[[int], object] | None = None) -> tuple[RunProblem, Fit]:
     """Add terms one by one while they gain enough, then drop weak ones; calls ``note`` with the number of terms."""
     now, rejected = first, dict(first.rejected)
     remaining = [c for c in problem.candidates if not set(c) & {*now.names, *rejected}]
@@ -290,7 +290,9 @@ def _against(names: Sequence[str], more: Fit, fewer: Fit) -> str:
     return NOT_HELD_OUT
 
 
-def pruned(problem: Problem, found: Fit, rule: Callable[[Problem, Fit], tuple[list[int], str]]) -> tuple[Problem, Fit]:
+def pruned(
+    problem: RunProblem, found: Fit, rule: Callable[[RunProblem, Fit], tuple[list[int], str]]
+) -> tuple[RunProblem, Fit]:
     """The problem and fit without terms that a rule drops one by one, the least certain first: it gives the places of
     doubtful terms and why they go, or nothing if only those go that are not worth having.
     """
@@ -313,14 +315,14 @@ def pruned(problem: Problem, found: Fit, rule: Callable[[Problem, Fit], tuple[li
             kept.add(name)
 
 
-def _pruned_by(problem: Problem, found: Fit, rules: Sequence[Callable]) -> tuple[Problem, Fit]:
+def _pruned_by(problem: RunProblem, found: Fit, rules: Sequence[Callable]) -> tuple[RunProblem, Fit]:
     """`pruned` by one rule after the other."""
     for rule in rules:
         problem, found = pruned(problem, found, rule)
     return problem, found
 
 
-def _without_slip(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
+def _without_slip(problem: RunProblem, found: Fit) -> tuple[RunProblem, Fit]:
     """The problem and fit without sway through the water, where its damping is held at the limit: its terms have
     nothing to act on, and would imitate others.
     """
@@ -340,7 +342,7 @@ def _without_slip(problem: Problem, found: Fit) -> tuple[Problem, Fit]:
     return problem, replace(fit(problem, found.shooting, names, found.values[kept], rounds=1), rejected=rejected)
 
 
-def _without_term(problem: Problem, found: Fit, place: int, value: float | None = None) -> tuple[Problem, Fit]:
+def _without_term(problem: RunProblem, found: Fit, place: int, value: float | None = None) -> tuple[RunProblem, Fit]:
     """The problem and fit without a term, which is neutral, or held at a value."""
     fewer = without(problem, found.names[place : place + 1])
     if value is not None:
@@ -349,14 +351,14 @@ def _without_term(problem: Problem, found: Fit, place: int, value: float | None 
     return fewer, fit(fewer, found.shooting, names, np.delete(found.values, place), rounds=1)
 
 
-def _weak(problem: Problem, found: Fit):
+def _weak(problem: RunProblem, found: Fit):
     """Rule of `pruned`: added and tentative terms that are uncertain."""
     free = {*problem.free, *CURRENT}
     named = enumerate(zip(found.names, found.certainty, strict=True))
     return [k for k, (name, certainty) in named if name not in free and certainty < DOUBTED], ''
 
 
-def ended(problem: Problem, found: Fit) -> tuple[list[int], str]:
+def ended(problem: RunProblem, found: Fit) -> tuple[list[int], str]:
     """Rule of `pruned`: terms at the bounds of their ranges, which the runs do not determine. They go, or stay at the
     bound where the runs held out call for it: a hull that hardly slips sideways is not one without damping.
     """
@@ -365,13 +367,13 @@ def ended(problem: Problem, found: Fit) -> tuple[list[int], str]:
     return [k for k, (name, value) in named if name not in anchors and at_bound(problem, name, value)], AT_BOUND
 
 
-def destabilising(problem: Problem, found: Fit) -> tuple[list[int], str]:
+def destabilising(problem: RunProblem, found: Fit) -> tuple[list[int], str]:
     """Rule of `pruned`: added hull terms until the craft is stable."""
     added = [n not in problem.free and n in INDEX and PARAMETERS[INDEX[n]].kind != THRUST for n in found.names]
     return [k for k, is_added in enumerate(added) if is_added and not found.stable], MADE_STABLE
 
 
-def with_refused(problem: Problem, found: Fit) -> Fit:
+def with_refused(problem: RunProblem, found: Fit) -> Fit:
     """The fit with standard deviations that hold whether or not one rejected term is really there. The shift of each
     value by the term, weighted by the evidence for it, counts as a variance (Buckland, Burnham and Augustin 1997); the
     largest shift over all rejected terms counts.
@@ -389,7 +391,7 @@ def with_refused(problem: Problem, found: Fit) -> Fit:
     return replace(found, covariance=replace(found.covariance, matrix=wider))
 
 
-def _offers(problem: Problem, now: Fit, candidates: Sequence[tuple[str, ...]]):
+def _offers(problem: RunProblem, now: Fit, candidates: Sequence[tuple[str, ...]]):
     """Groups of terms with their expected gain beyond the threshold and their shifts of the values."""
     if not candidates:
         return []
@@ -438,14 +440,14 @@ def _gain(more: Fit, fewer: Fit):
     return misfit - 0.5 * float(np.sum(residual**2)), misfit
 
 
-def at_bound(problem: Problem, name: str, value: float) -> bool:
+def at_bound(problem: RunProblem, name: str, value: float) -> bool:
     """Whether a value lies at a bound of its range."""
     unknowns = problem.unknowns((name,))
     lower, upper, unit = unknowns.lower[0], unknowns.upper[0], unknowns.units[0]
     return value - lower < 1e-3 * min(upper - lower, unit) or upper - value < 1e-3 * unit
 
 
-def without(problem: Problem, names: Sequence[str]) -> Problem:
+def without(problem: RunProblem, names: Sequence[str]) -> RunProblem:
     """The problem with first guesses neutral, or at the end of their range next to that: some damping always stays."""
     base = problem.base.copy()
     for name in set(names) & set(INDEX):

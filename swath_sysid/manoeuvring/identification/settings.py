@@ -8,7 +8,7 @@ import numpy as np
 from swath_sysid.common.door import checked
 from swath_sysid.common.errors import InputError, check_choice
 from swath_sysid.manoeuvring.hull.terms import INDEX
-from swath_sysid.manoeuvring.motion.trial import Run
+from swath_sysid.manoeuvring.motion.trial import CraftRun
 
 LEADS = (5.0, 10.0, 20.0)  #: s, at which errors of position and heading are reported.
 LENGTH = max(LEADS)
@@ -45,7 +45,7 @@ class Windows:
         return found
 
 
-def cut(runs: Sequence[Run], length: float = LENGTH) -> Windows:
+def cut(runs: Sequence[CraftRun], length: float = LENGTH) -> Windows:
     """Windows of `SETTLING` s up to ``length``, none across a gap in the thrust or within `SETTLED` s after one."""
     step = runs[0].step
     if any(abs(run.step - step) > 1e-9 for run in runs):

@@ -11,7 +11,7 @@ from swath_sysid.manoeuvring.hull.simulation import states_under, substeps_for, 
 from swath_sysid.manoeuvring.hull.thrust import acting_thrust
 from swath_sysid.manoeuvring.identification.settings import LEADS, LENGTH, Windows, cut
 from swath_sysid.manoeuvring.motion.resampling import smoothed
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run, turned
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, CraftRun, turned
 
 RUN_AWAY = 3.0  #: A motion beyond this multiple of the largest measured one has diverged.
 
@@ -40,7 +40,7 @@ class Scores:
 
 
 def simulate_windows(
-    model: ManoeuvringModel, runs: Sequence[Run], length: float = LENGTH, currents: np.ndarray | None = None
+    model: ManoeuvringModel, runs: Sequence[CraftRun], length: float = LENGTH, currents: np.ndarray | None = None
 ) -> Simulated:
     """Every window of some runs under currents (R, 2), m/s, or the model's; an unmeasured sway starts from zero."""
     windows = cut(runs, length)
@@ -68,7 +68,7 @@ def simulate_windows(
 
 
 def score(
-    model: ManoeuvringModel, runs: Sequence[Run], length: float = LENGTH, currents: np.ndarray | None = None
+    model: ManoeuvringModel, runs: Sequence[CraftRun], length: float = LENGTH, currents: np.ndarray | None = None
 ) -> Scores:
     """Scores of a model on some runs; see `simulate_windows`."""
     found = simulate_windows(model, runs, length, currents=currents)
@@ -114,7 +114,7 @@ def _errors_at(found: Simulated, references: list[tuple], lead: float):
     )
 
 
-def _reference_track(run: Run):
+def _reference_track(run: CraftRun):
     """Measured heading and position, smoothed; integrated from rate and speeds where not measured."""
     surge, sway, rate = (None if np.isnan(s).all() else np.where(np.isfinite(s), s, 0.0) for s in run.smooth)
     heading = run.heading

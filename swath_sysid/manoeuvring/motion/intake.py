@@ -13,22 +13,22 @@ from swath_sysid.manoeuvring.motion.trial import (
     CHANNELS,
     POSE,
     STEP,
+    CraftRun,
     ManoeuvringTrial,
-    Run,
     cleaned,
     turned,
     without_constant,
 )
 
 
-def prepare(trial: ManoeuvringTrial, gap_means_zero: bool = False, step: float | None = None) -> Run:
+def prepare(trial: ManoeuvringTrial, gap_means_zero: bool = False, step: float | None = None) -> CraftRun:
     """Make one trial ready for identification; see `prepare_runs`."""
     return prepare_runs([trial], gap_means_zero, step)[0]
 
 
 def prepare_runs(
     trials: Sequence[ManoeuvringTrial], gap_means_zero: bool = False, step: float | None = None
-) -> list[Run]:
+) -> list[CraftRun]:
     """Make trials of one craft ready for identification, in steps of the records, or of ``STEP``, s.
 
     Reversed and swapped channels, constant ones and a compass askew are found over all trials together.
@@ -88,7 +88,9 @@ def _run(trial: ManoeuvringTrial, gap_means_zero: bool, step: float, advice: lis
     smooth = np.stack([resampling.smoothed(c, step) for c in (surge, sway, yaw_rate)])
     same: dict[str, Any] = {name: getattr(trial, name) for name in ('thrust_input', 'source', 'lever', 'length')}
     same |= pose
-    return Run(step, grid, port, starboard, driven, surge, sway, yaw_rate, smooth=smooth, advice=tuple(advice), **same)
+    return CraftRun(
+        step, grid, port, starboard, driven, surge, sway, yaw_rate, smooth=smooth, advice=tuple(advice), **same
+    )
 
 
 def _derive_channels(measured: dict, pose: dict, step: float, advice: list[Advice], source: str):

@@ -43,7 +43,7 @@ class ManoeuvringTrial:
 
 
 @dataclass(frozen=True)
-class Run:
+class CraftRun:
     """A record in even steps, ready for identification; arrays of shape (N,)."""
 
     step: float  #: s.

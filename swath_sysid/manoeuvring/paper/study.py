@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from swath_sysid.common.wings import yaml_table
 from swath_sysid.manoeuvring.hull.model import DIFFERENCE, ManoeuvringModel, parameter_values
 from swath_sysid.manoeuvring.hull.simulation import Manoeuvre, simulate
-from swath_sysid.manoeuvring.hull.standard_tests import SensorNoise, with_noise
+from swath_sysid.manoeuvring.hull.standard_tests import RunNoise, with_noise
 from swath_sysid.manoeuvring.hull.terms import PrimeUnits
 from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification, identify_manoeuvring
 from swath_sysid.manoeuvring.identification.settings import ManoeuvringSettings
@@ -21,7 +21,7 @@ from swath_sysid.manoeuvring.motion.intake import prepare_runs
 from swath_sysid.manoeuvring.motion.trial import ManoeuvringTrial
 
 STEP_S = 0.2
-NOISE = SensorNoise()
+NOISE = RunNoise()
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from scipy.special import ndtri
 from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import IdentifiedManoeuvringModel
 from swath_sysid.manoeuvring.identification.settings import SETTLING
-from swath_sysid.manoeuvring.motion.trial import Run
+from swath_sysid.manoeuvring.motion.trial import CraftRun
 from swath_sysid.manoeuvring.prediction.filter_settings import MEASURABLE, ManoeuvreFilterSettings
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Arx:
         return np.array(ahead)
 
 
-def fit_arx(runs: Sequence[Run], until: float = 1.0) -> Arx | None:
+def fit_arx(runs: Sequence[CraftRun], until: float = 1.0) -> Arx | None:
     """Ridge regression on the first share ``until`` of each run; None where there is too little data."""
     rows, targets = [], []
     for run in runs:
@@ -76,11 +76,11 @@ def fit_arx(runs: Sequence[Run], until: float = 1.0) -> Arx | None:
 
 def score_forecasts(
     identified: IdentifiedManoeuvringModel,
-    runs: Sequence[Run],
-    training: Sequence[Run] = (),
+    runs: Sequence[CraftRun],
+    training: Sequence[CraftRun] = (),
     supplied: bool = False,
     leads: Sequence[float] = LEADS,
-    truth: Sequence[Run] | None = None,
+    truth: Sequence[CraftRun] | None = None,
     held: bool = False,
 ) -> ForecastScores:
     """Forecast runs once a second as a live filter would have, and compare. The ARX learns from ``training``, or the
@@ -121,14 +121,14 @@ def _mean(values: np.ndarray):
     return np.where(count, np.nansum(values, axis=0), np.nan) / np.maximum(count, 1)
 
 
-def recorded(run: Run) -> np.ndarray:
+def recorded(run: CraftRun) -> np.ndarray:
     """The channels of ``MEASURABLE``, shape (6, N); NaN where not measured."""
     channels = (getattr(run, name) for name in MEASURABLE)
     return np.array([np.full(run.time.size, np.nan) if values is None else values for values in channels])
 
 
 def filtered(
-    identified: IdentifiedManoeuvringModel, run: Run, settings: ManoeuvreFilterSettings | None = None
+    identified: IdentifiedManoeuvringModel, run: CraftRun, settings: ManoeuvreFilterSettings | None = None
 ) -> Iterator[tuple[int, 'ManoeuvreFilter']]:
     """Index and filter at every sample of a run, from its first; the filter is one object: copy it to keep it."""
     from swath_sysid.manoeuvring.prediction.predictor import ManoeuvreFilter  # filterpy, which only forecasts need
@@ -147,7 +147,7 @@ def filtered(
 
 
 def due(
-    identified: IdentifiedManoeuvringModel, run: Run, every: float, leads: Sequence[float], held: bool = False
+    identified: IdentifiedManoeuvringModel, run: CraftRun, every: float, leads: Sequence[float], held: bool = False
 ) -> Iterator[tuple[int, 'ManoeuvreFilter', list[int]]]:
     """`filtered` every so many seconds, with the places of the leads over which thrust is known, or ``held``."""
     inputs = np.stack([run.port, run.starboard])
@@ -163,7 +163,7 @@ def due(
 
 
 def _expected(
-    filter_: 'ManoeuvreFilter', run: Run, k: int, steps: np.ndarray, supplied: bool, arx: Arx | None
+    filter_: 'ManoeuvreFilter', run: CraftRun, k: int, steps: np.ndarray, supplied: bool, arx: Arx | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Forecasts of every method, (methods, L, 6), NaN where there is none; reach of the model's intervals, (L, 4)."""
     leads, longest = steps * run.step, int(steps[-1])
@@ -210,7 +210,7 @@ def _integrated(motion: np.ndarray, step: float, pose: Sequence[float]):
     return np.stack([surge, sway, rate, heading, east, north], axis=1)
 
 
-def _arx_series(run: Run):
+def _arx_series(run: CraftRun):
     """Motion (N, 3), inputs (N, 2), and where both are known; an unmeasured sway counts as zero."""
     raw = run.channels.T
     # no smoothing ahead of its time: what is measured, the smoothed value only in its gaps
@@ -225,7 +225,7 @@ FORECASTS = 250  #: More hardly improve the estimate of a 90 % interval.
 MIN_SCALE = 0.1  #: Seldom changing thrust leaves most errors at short leads far below its variance.
 
 
-def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]) -> IdentifiedManoeuvringModel:
+def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[CraftRun]) -> IdentifiedManoeuvringModel:
     """The model with the scale of its forecast intervals by lead and channel, from the runs of its identification. With
     it the 90 % interval covers that share of the errors under held thrust, and more for few independent forecasts
     (split conformal prediction, Lei et al. 2018).
@@ -246,7 +246,7 @@ def calibrated(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]) -> I
     return replace(identified, forecast=replace(forecast, leads=np.array(LEADS), scale=scale))
 
 
-def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[Run]):
+def _errors(identified: IdentifiedManoeuvringModel, runs: Sequence[CraftRun]):
     """Errors and variances of forecasts, shape (F, L, 6) each, NaN where unknown; and the sensor noise, (6,)."""
     total = sum(run.duration for run in runs)
     errors, variances = [], []

@@ -11,7 +11,7 @@ from swath_sysid.manoeuvring.hull.terms import HULL, INDEX, PARAMETERS
 from swath_sysid.manoeuvring.identification.identify import ManoeuvringIdentification
 from swath_sysid.manoeuvring.identification.validation import score, simulate_windows
 from swath_sysid.manoeuvring.motion.resampling import smoothed
-from swath_sysid.manoeuvring.motion.trial import CHANNELS, Run
+from swath_sysid.manoeuvring.motion.trial import CHANNELS, CraftRun
 from swath_sysid.manoeuvring.prediction.skill import ForecastScores
 from swath_sysid.report.figures import MEASURED, MODEL, RESIDUAL, SERIES, Axes, Figure, new_figure, panel, quiet
 from swath_sysid.report.fit_summary import short_name
@@ -107,7 +107,7 @@ def _grid(figure: Figure):
     return [figure.add_subplot(grid[:, 0]), *histories]
 
 
-def _run_figure(run: Run, simulated: Any, label: str, r2: dict[str, float]):
+def _run_figure(run: CraftRun, simulated: Any, label: str, r2: dict[str, float]):
     figure = new_figure(12, 6.5)
     track_axes, *histories = _grid(figure)
     time = run.time - run.time[0]
@@ -149,7 +149,7 @@ def _draw_thrust(axes: Axes, time: np.ndarray, inputs: Any, thrust_input: str):
     axes.legend(frameon=False, ncols=2, fontsize='small')
 
 
-def _draw_track(axes: Axes, run: Run):
+def _draw_track(axes: Axes, run: CraftRun):
     if run.x is not None and run.y is not None:
         axes.plot(run.x, run.y, color=MEASURED, linewidth=0.8)
         axes.plot(run.x[0], run.y[0], 'o', color=MEASURED, markersize=5)

@@ -98,7 +98,7 @@ def fit_together(problem: Problem, starts: Sequence[Identification]) -> dict:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class FitJudgement:
     """How well one fit of a record does what a model is for."""
 
     equation: str
@@ -109,14 +109,14 @@ class Judgement:
 
 
 def judge(fits: Sequence[Identification], other: Problem | None) -> list[dict]:
-    """A `Judgement` of each fit of one record, as plain data, also on another repeat of its condition."""
+    """A `FitJudgement` of each fit of one record, as plain data, also on another repeat of its condition."""
     return [as_plain(_judged(fit, other)) for fit in fits]
 
 
-def _judged(fit: Identification, other: Problem | None) -> Judgement:
+def _judged(fit: Identification, other: Problem | None) -> FitJudgement:
     problem, state = fit.problem, fit.states[0]
     motion, model = problem.motions[0], fit.model.with_trim(state.trim)
-    return Judgement(
+    return FitJudgement(
         equation=model.equation.name,
         next_step=float(np.sqrt(np.mean(next_step(model, motion).error ** 2))),
         simulation=simulation_error(model, state, motion),
@@ -201,7 +201,7 @@ def rank_campaign(
     axis: str,
     by_draft: Sequence[Sequence[Identification]],
     by_record: Sequence[Sequence[Identification]],
-    judgements: Sequence[Sequence[Judgement]],
+    judgements: Sequence[Sequence[FitJudgement]],
 ) -> Ranking:
     """Rank the equations of one axis over a whole campaign."""
     if not by_draft or not by_draft[0]:

@@ -302,7 +302,7 @@ class _AxisPlan:
             for place, group in groups.items()
         }
 
-    def _judged(self, simulated: dict) -> tuple[tuple[evaluation.Judgement, ...], ...]:
+    def _judged(self, simulated: dict) -> tuple[tuple[evaluation.FitJudgement, ...], ...]:
         """Record to judgements, in the order of the records."""
         tasks = {}
         for group in self._conditions().values():
@@ -316,7 +316,7 @@ class _AxisPlan:
                     (fits, other.problem if other else None),
                 )
         found = self._needed(tasks)
-        return tuple(from_plain(tuple[evaluation.Judgement, ...], found[str(record)]) for record in self._records)
+        return tuple(from_plain(tuple[evaluation.FitJudgement, ...], found[str(record)]) for record in self._records)
 
     def _provenance(self, group: Sequence[Record]) -> dict:
         return {
