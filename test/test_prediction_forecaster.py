@@ -538,8 +538,7 @@ class Seer:
     def take(self, row):
         self.time = self.now
 
-    def predict(self, count):
-        self.time = self.now
+    predict = take
 
     def ahead(self, rows):
         times = self.time + 0.1 * rows

@@ -142,7 +142,7 @@ def test_a_memory_on_more_rows_forecasts_them(buoy):
     missed = []
     for place in range(2400, len(rows) - 5):
         space.take(rows[place])
-        missed.append(space.ahead(np.array([0.5]) / STEP)[0][0] - rows[place + 5, : len(AXES)])
+        missed.append(space.ahead([5])[0][0] - rows[place + 5, : len(AXES)])
     assert (np.std(missed[100:], axis=0) < 0.2 * np.std(rows[2400:, : len(AXES)], axis=0)).all()
 
 

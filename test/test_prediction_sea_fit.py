@@ -25,7 +25,7 @@ from swath_sysid.attitude.prediction.sea_fit import (
     newest_stretch,
 )
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter
-from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalForecaster, VerticalRequest
+from swath_sysid.attitude.prediction.vertical_forecast import VerticalForecaster, VerticalRequest
 
 STEP, PERIOD = 0.1, USUAL_PERIOD
 
@@ -132,7 +132,7 @@ def test_a_craft_that_only_heaves_is_forecast_vertically(roll, sensor):
     waves = InnovationsFilter(fit.waves[WAVES], ATTITUDE, 3.0)
     waves.seed(values[-600:])
     forecaster = VerticalForecaster(STEP, PERIOD, ahead + 2)
-    for sample in values[:, [CHANNELS.index(name) for name in ('roll', 'pitch', *FORCE)]]:
+    for sample in values:
         forecaster.take(sample, None)
     forecaster.install(fit.vertical, row, waves)
     known = np.zeros((2, 4)), np.tile(1e-6 * np.eye(4), (2, 1, 1))

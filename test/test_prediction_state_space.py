@@ -110,10 +110,10 @@ def test_a_forecast_while_nothing_comes_grows_to_the_motions_own_spread():
     ours = _filter(model, _rows(model, 300))
     for _ in range(400):
         ours.take(np.full(3, np.nan))
-        spread.append(np.diagonal(ours.ahead(np.array([0.1]) / STEP)[1][0]))
+        spread.append(np.diagonal(ours.ahead([1])[1][0]))
     assert spread[-1] == pytest.approx(model.scale**2 * np.diag(model.c @ model.prior @ model.c.T + model.s), rel=1e-6)
     assert (np.diff(spread, axis=0) > -1e-9).all()
-    assert ours.ahead(np.array([0.5]) / STEP)[0][0] == pytest.approx(model.mean, abs=1e-4)
+    assert ours.ahead([5])[0][0] == pytest.approx(model.mean, abs=1e-4)
 
 
 def test_after_complete_rows_the_state_is_known_again_and_a_break_in_the_motion_voids_the_past():
@@ -123,10 +123,10 @@ def test_after_complete_rows_the_state_is_known_again_and_a_break_in_the_motion_
     lost[100:120] = np.nan
     broken, whole = _filter(model, lost), _filter(model, rows)
     assert broken.state_covariance is None and whole.state_covariance is None
-    assert broken.ahead(np.array([0.5]) / STEP)[0] == pytest.approx(whole.ahead(np.array([0.5]) / STEP)[0], abs=1e-3)
+    assert broken.ahead([5])[0] == pytest.approx(whole.ahead([5])[0], abs=1e-3)
     jump[200:] += 100.0 * model.scale
     ours, fresh = _filter(model, jump[:201]), _filter(model, jump[200:201])
-    assert ours.ahead(np.array([0.5]) / STEP)[0] == pytest.approx(fresh.ahead(np.array([0.5]) / STEP)[0])
+    assert ours.ahead([5])[0] == pytest.approx(fresh.ahead([5])[0])
     assert ours.state_covariance is not None
 
 
@@ -182,7 +182,7 @@ def test_the_rates_covariance_is_that_of_the_difference():
     """Against simulated futures of one system, from the same state."""
     model = _model(6, channels=('roll',), states=3)
     ours = _filter(model, _rows(model, 300), ('roll', 'roll_rate'))
-    mean, covariance = ours.ahead(np.array([0.5]) / STEP)
+    mean, covariance = ours.ahead([5])
     rng, path, state = np.random.default_rng(0), [], np.tile(ours.state, (40000, 1))
     for _ in range(7):
         e = np.sqrt(model.s[0, 0]) * rng.normal(size=(40000, 1))
@@ -201,7 +201,7 @@ def test_models_side_by_side_forecast_as_they_do_alone():
     rows = np.random.default_rng(2).normal(size=(80, 3))
     rows[40:45, 1] = np.nan
     filters = (_filter(model, rows, ('roll', 'pitch', 'heave')) for model in (first, second, both))
-    one, two, whole = (each.ahead(np.array([0.3]) / STEP)[0][0] for each in filters)
+    one, two, whole = (each.ahead([3])[0][0] for each in filters)
     assert whole == pytest.approx([one[0], two[1], two[2]], abs=1e-6)
     assert both.from_lags is None
 
@@ -249,7 +249,5 @@ def test_a_channel_beyond_what_was_learnt_of_it_tells_the_targets_nothing(turn):
     without[250:, 2] = np.where(beyond[250:], np.nan, turning[250:, 2])
     turned, unseen = (_filter(model, each, targets=('roll', 'pitch')) for each in (turning, without))
     assert beyond[260:].all()
-    for ours, wanted in zip(
-        turned.ahead(np.array([0.1, 0.5]) / STEP), unseen.ahead(np.array([0.1, 0.5]) / STEP), strict=True
-    ):
+    for ours, wanted in zip(turned.ahead([1, 5]), unseen.ahead([1, 5]), strict=True):
         assert ours.tolist() == wanted.tolist()

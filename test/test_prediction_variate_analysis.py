@@ -59,19 +59,17 @@ def test_a_known_system_is_forecast_as_well_as_can_be():
         one, two = y[t] - MEAN, y[t - 1] - MEAN
         for _ in range(5):
             one, two = first @ one + second @ two, one
-        errors.append(ours.ahead(np.array([0.5]) / STEP)[0][0] - y[t + 5])
+        errors.append(ours.ahead([5])[0][0] - y[t + 5])
         best.append(one + MEAN - y[t + 5])
     assert (np.std(errors, axis=0) < 1.02 * np.std(best, axis=0)).all()
-    covered = np.abs(errors) < 1.645 * np.sqrt(np.diagonal(ours.ahead(np.array([0.5]) / STEP)[1][0]))
+    covered = np.abs(errors) < 1.645 * np.sqrt(np.diagonal(ours.ahead([5])[1][0]))
     assert covered.mean() == pytest.approx(0.9, abs=0.02)
 
 
 def test_the_state_from_lags_is_that_of_a_long_past():
     y, *_ = _sea(4100)
     model = analysis.identify(y, NAMES, STEP, PERIOD)
-    (long, covariance), (short, _) = (
-        _filter(model, y[-count:]).ahead(np.array([0.1]) / STEP) for count in (1500, model.lags)
-    )
+    (long, covariance), (short, _) = (_filter(model, y[-count:]).ahead([1]) for count in (1500, model.lags))
     assert np.abs(long - short).max() < 0.1 * np.sqrt(np.diagonal(covariance[0])).min()
 
 
@@ -83,7 +81,7 @@ def test_channels_that_say_nothing_are_left_out():
     model = analysis.identify(values, ('draft', 'roll', 'heave', 'yaw', 'pitch'), STEP, PERIOD)
     assert (model.channels, model.places) == (('roll', 'pitch'), (1, 4))
     ours = _filter(model, values[-100:])
-    assert ours.state_covariance is None and np.isfinite(ours.ahead(np.array([0.5]) / STEP)[0]).all()
+    assert ours.state_covariance is None and np.isfinite(ours.ahead([5])[0]).all()
     for values in (np.zeros((0, 2)), np.zeros((500, 2)), np.full((500, 2), np.nan), y[:8]):
         assert analysis.identify(values, NAMES, STEP, PERIOD) is None
         assert analysis.identify_alone(values, NAMES, STEP, PERIOD, NAMES) is None
@@ -149,7 +147,7 @@ def test_what_follows_from_another_channel_is_forecast_with_it(kind):
     ours, errors = _filter(analysis.identify(values[:1200], names, STEP, PERIOD), values[1000:1200], horizon=2.0), []
     for t in range(1200, 1380):
         ours.take(values[t])
-        errors.append(ours.ahead(np.array([1.0, 2.0]) / STEP)[0] - values[[t + 10, t + 20], :2])
+        errors.append(ours.ahead([10, 20])[0] - values[[t + 10, t + 20], :2])
     # three sines are known for good; an oscillator errs by half of the motion
     assert (np.std(errors, axis=0) < 0.02 * np.std(values[:, :2], axis=0)).all()
 

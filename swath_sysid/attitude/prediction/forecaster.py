@@ -156,7 +156,7 @@ class Forecaster:
         capacity = math.ceil(s.window * ROWS_A_PERIOD * 1.25) + MOST_AHEAD
         self._rows = PastRows(s.upstream, capacity)
         axes = tuple(self._axes.values())
-        self._points = PointForecaster(s.points, axes, 2 * MOST_AHEAD)
+        self._points = PointForecaster(s.points, axes)
         self.quiescence = s.quiescence  #: The limits in use.
         self._calm = None if s.quiescence is None else CalmForecaster(s.quiescence, horizon, axes, self._points)
         self._valid_leads = ValidLeads(s.valid_error, axes, s.window)
@@ -396,22 +396,21 @@ class Forecaster:
         self._predict(bank, steps - 1)
         channels = np.array(row[OF_CHANNELS])
         bank.take(channels)
-        self._points.take(channels, bank.waves)
+        if self._points.vertical is not None:
+            self._points.vertical.take(channels, bank.waves)
         bank.score(np.array(row[OF_SAMPLE][: len(AXES)]))
 
     def _predict(self, bank: Bank, count: int):
         """Go on over so many missing rows."""
         if count > 0:
             bank.predict(count)
-            self._points.predict(count, bank.waves)
+            if self._points.vertical is not None:
+                self._points.vertical.predict(count, bank.waves)
 
     @property
     def _window(self):
         """Rows of the past that is learnt from."""
         return int(self.settings.window * self._clock.period / self._clock.step) + 1
-
-    def _past(self):
-        return self._newest(self._window)
 
     def _newest(self, count: int | None = None):
         return self._rows.last(count)[:, OF_CHANNELS]
@@ -435,7 +434,8 @@ class Forecaster:
         self._refit_due = self._time + self._interval_of_refits(s.refit_interval)
         if self._time < self._sea_state_due < self._refit_due:
             self._refit_due = self._sea_state_due
-        past, excitations = self._past().copy(), dict(self._excitation_requests())
+        past, excitations = self._newest(self._window).copy(), dict(self._excitation_requests())
+        vertical = self._points.vertical
         return SeaRequest(
             self._time,
             self._clock.step,
@@ -443,7 +443,7 @@ class Forecaster:
             CHANNELS,
             past,
             excitations,
-            self._points.request(self._clock, self._rows.newest),
+            None if vertical is None else vertical.request(self._clock, self._rows.newest),
             self._time >= self._sea_state_due,
             self._rows.request(
                 len(past),
@@ -490,7 +490,8 @@ class Forecaster:
             bank.use(name, model, self._newest(2 * SPARSE * MAX_LAGS))
         if WAVES in fit.waves and bank.waves is not None:
             self._remember(bank, fit.waves[WAVES], fit.time)
-            self._points.install(fit.vertical, self._rows.newest, bank.waves)
+            if self._points.vertical is not None:
+                self._points.vertical.install(fit.vertical, self._rows.newest, bank.waves)
         if fit.upstream:
             bank.use_upstream(fit.upstream, self._newest(), self._time, 0.5 * self.settings.window * self._clock.period)
         for name, excitation in fit.excitations.items():

@@ -13,13 +13,10 @@ from swath_sysid.attitude.prediction.forecast import MISSES, Forecast
 from swath_sysid.attitude.prediction.memories import LEAST_SIZE
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point, PointMotion, point_motion
 from swath_sysid.attitude.prediction.quiescence import AT_A_POINT, CalmWindow, Quiescence, QuiescenceLimits, quantity_at
-from swath_sysid.attitude.prediction.rows import CHANNELS, OF_SAMPLE, RowClock
-from swath_sysid.attitude.prediction.state_space import InnovationsFilter
-from swath_sysid.attitude.prediction.vertical_forecast import FORCE, VerticalFit, VerticalForecaster, VerticalRequest
+from swath_sysid.attitude.prediction.rows import OF_SAMPLE
+from swath_sysid.attitude.prediction.vertical_forecast import VerticalForecaster
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.row_buffer import RowBuffer
-
-_VERTICAL = [CHANNELS.index(name) for name in (*AXES, *FORCE)]
 
 
 @dataclass(frozen=True)
@@ -35,11 +32,9 @@ class Outlook:
 class PointForecaster:
     """Vertical motion at points of the craft, about its trim; nothing without points."""
 
-    def __init__(self, points: Sequence[Point], axes: Sequence[AxisFilter], rows: int) -> None:
+    def __init__(self, points: Sequence[Point], axes: Sequence[AxisFilter]) -> None:
         self.points, self._axes = points, axes
-        self.vertical: VerticalForecaster | None = None
-        # heave and vertical velocity at the rows, as they were then: what windows of calm are judged by
-        self._nowcasts = RowBuffer(rows if points else 1, 2)
+        self.vertical: VerticalForecaster | None = None  #: None without points, and before any rows.
 
     @property
     def trim(self) -> tuple[float, float]:
@@ -51,47 +46,21 @@ class PointForecaster:
         """Start with rows of another step for a motion of another period, s, up to so many of them ahead."""
         if self.points:
             self.vertical = VerticalForecaster(step, period, ahead)
-            self._nowcasts.clear()
-
-    def install(self, fit: VerticalFit | None, newest: int, waves: InnovationsFilter) -> None:
-        """Use a fit, made with the waves' filter; ``newest`` is the number of the newest row."""
-        if self.vertical is not None:
-            self.vertical.install(fit, newest, waves)
-
-    def request(self, clock: RowClock, newest: int) -> VerticalRequest | None:
-        """What a fit of the vertical motion needs to know, at the newest row of this number."""
-        if self.vertical is None:
-            return None
-        # the accelerations of smoothed rows lag behind the attitude, which the hull filters give
-        delay = (0.5 * clock.samples - 1.0) * clock.interval if clock.is_smoothed else 0.0
-        return VerticalRequest(self.vertical.ahead, delay, newest)
-
-    def take(self, row: np.ndarray, waves: InnovationsFilter | None) -> None:
-        """Take the next row of `CHANNELS`, which the waves' filter has taken already."""
-        if self.vertical is not None:
-            self.vertical.take(row[_VERTICAL], waves)
-            self._nowcasts.append(self.vertical.now)
-
-    def predict(self, count: int, waves: InnovationsFilter | None) -> None:
-        """Go on over missing rows."""
-        if self.vertical is not None:
-            self.vertical.predict(count, waves)
-            self._nowcasts.skip(count)
 
     def forecast(self, attitude: Forecast, age: float) -> dict[str, PointMotion]:
         """Motion at each point at the leads of the attitude's forecast, ``age`` s after the newest row."""
         if self.vertical is None:
             return {}
         found = self.vertical.forecast(attitude.leads, age, attitude.mean, attitude.covariance)
-        if found is None:
-            return {}
-        return {point.name: point_motion(point.place, self.trim, *found) for point in self.points}
+        return (
+            {} if found is None else {point.name: point_motion(point.place, self.trim, *found) for point in self.points}
+        )
 
     def at_rows(self, behind: np.ndarray, attitude: np.ndarray) -> list[np.ndarray]:
         """Heave and vertical velocity (N, 2) of each point, so many rows ago, with the attitude (N, 4) of then."""
-        if not self.points:
+        if self.vertical is None:
             return []
-        motion = np.hstack([self._nowcasts.at(self._nowcasts.newest - behind), np.zeros((behind.size, 3)), attitude])
+        motion = np.hstack([self.vertical.nowcasts(behind), np.zeros((behind.size, 3)), attitude])
         return [point_motion(point.place, self.trim, motion).mean[:, :2] for point in self.points]
 
 
@@ -117,12 +86,12 @@ class CalmForecaster:
 
         # what came after the newest row is not known yet
         self.quiescence.learn(of_row, what_came)
-        self.quiescence.period = self._axes[0].size.period
-        return self.quiescence.is_due(time)
+        return self.quiescence.is_due(time, self._axes[0].size.period)
 
     def follow(self, time: float, now: Mapping[str, PointMotion]) -> None:
         """Follow the size of the motion, of points as at the first lead, where no more is asked for."""
-        self.quiescence.follow(time, *self._sizes(self._at_points(now, 1)[0][0].tolist()))
+        sizes = self._sizes(self._at_points(now, 1)[0][0].tolist())
+        self.quiescence.follow(time, *sizes, self._axes[0].size.period)
 
     def assess(self, time: float, ahead: Forecast) -> tuple[float, CalmWindow | None]:
         """As `Quiescence.assess`, of the forecast over the horizon."""
@@ -130,7 +99,7 @@ class CalmForecaster:
         whole, deviation = np.hstack([ahead.mean, motion]), np.hstack([ahead.deviation, spread])
         activity, reach = self._sizes(motion[0].tolist())
         trim = np.concatenate([self._points.trim, np.zeros(whole.shape[1] - len(AXES))])
-        return self.quiescence.assess(time, whole, deviation, activity, trim, reach)
+        return self.quiescence.assess(time, whole, deviation, activity, trim, reach, self._axes[0].size.period)
 
     def _at_points(self, motions: Mapping[str, PointMotion], leads: int) -> tuple[np.ndarray, np.ndarray]:
         """What is limited at the points at so many leads (L, V) and its deviations, NaN where it is not known."""
@@ -148,7 +117,7 @@ class CalmForecaster:
         activity = 2 * [axis.size.activity for axis in self._axes]
         activity += [max(abs(value), LEAST_SIZE) for value in at_points]
         turned = [max(axis.size.reach.amplitude, LEAST_SIZE) for axis in self._axes]
-        reach = [*turned, *[2.0 * math.pi / self.quiescence.period * each for each in turned]]
+        reach = [*turned, *[2.0 * math.pi / self._axes[0].size.period * each for each in turned]]
         return np.array(activity), np.array(reach + [math.nan] * len(at_points))
 
 

@@ -23,6 +23,7 @@ AT_A_POINT = POINT_MOTION[:2]  #: What can be limited at each point, beside `ATT
 
 #: Forecasts of known outcome, from which on their errors give probabilities.
 _ENOUGH = 30
+MEMBERS, SPACING = 300, 0.31  #: Past errors that are kept, and periods of the motion between them.
 
 #: Standard deviations of a sea that its motion reaches within two periods, at least; at most, three.
 _LEAST_REACH = 0.5
@@ -129,26 +130,15 @@ class _Issued:
 class Quiescence:
     """Running probability of staying inside the limits of quantities, and the next window of calm.
 
-    Leads (H,), s, are those of the horizon, at least one within the duration; ``members`` past error trajectories are
-    kept, ``spacing`` s apart.
+    Leads (H,), s, are those of the horizon, at least one within the duration.
     """
 
-    def __init__(
-        self,
-        limits: QuiescenceLimits,
-        leads: np.ndarray,
-        quantities: Sequence[str] = ATTITUDE,
-        members: int = 300,
-        spacing: float = 0.31,
-    ) -> None:
+    def __init__(self, limits: QuiescenceLimits, leads: np.ndarray, quantities: Sequence[str] = ATTITUDE) -> None:
         self._leads = leads
-        self.period = USUAL_PERIOD  #: s; of the motion.
         self._within = int(np.sum(leads <= limits.duration + 1e-9))
         self._quantities = tuple(quantities)
-        self._spacing = spacing
-        self._errors = np.full((len(self._quantities), leads.size, members), math.nan)
-        self._complete = np.zeros((len(self._quantities), members), dtype=bool)
-        self._members = members
+        self._errors = np.full((len(self._quantities), leads.size, MEMBERS), math.nan)
+        self._complete = np.zeros((len(self._quantities), MEMBERS), dtype=bool)
         self._seen = 0
         self.reset()
         self.set_limits(limits)
@@ -177,7 +167,7 @@ class Quiescence:
         while self._pending and self._pending[0].stamp + self._leads[-1] <= now + 1e-9:
             issued = self._pending.popleft()
             actual = motion_at(issued.stamp + self._leads)
-            place = self._seen % self._members
+            place = self._seen % MEMBERS
             # a push errs by its own size, of which a craft at rest afterwards has nothing to expect
             self._errors[:, :, place] = errors = ((actual - issued.motion) / np.fmax(issued.size, self._grown)).T
             self._complete[:, place] = np.isfinite(errors).all(axis=1)
@@ -194,14 +184,15 @@ class Quiescence:
         activity: np.ndarray,
         trim: np.ndarray | None = None,
         reach: np.ndarray | float = math.nan,
+        period: float = USUAL_PERIOD,
     ) -> tuple[float, CalmWindow | None]:
         """Probability of staying inside for the duration from ``now``, s, and the next calm window.
 
         Of a forecast (H, V) over the horizon and its standard deviation, the size (V,) of each quantity's motion, trim
-        (V,) about which limits may be, and how far each has reached (V,) within two periods, NaN where not known. NaN
-        where nothing is limited, or a limited quantity is not measured.
+        (V,) about which limits may be, how far each has reached (V,) within two periods, NaN where not known, and the
+        motion's period, s. NaN where nothing is limited, or a limited quantity is not measured.
         """
-        size = self.follow(now, activity, reach)
+        size = self.follow(now, activity, reach, period)
         about = np.zeros(len(self._quantities)) if trim is None or not self._about_trim else trim
         probability, window = math.nan, None
         if self._bound.size and np.isfinite(motion[:, self._bounded]).all():
@@ -214,19 +205,19 @@ class Quiescence:
                 quiet = int(np.count_nonzero(inside[: self._within].all(axis=0)))
                 probability = _share(quiet, members)
                 window = self._calm_window(inside, quiet, members)
-        if self.is_due(now):
+        if self.is_due(now, period):
             self._pending.append(_Issued(now, motion, size, about, probability))
         return probability, window
 
-    def is_due(self, now: float) -> bool:
-        """Whether the errors of a forecast of ``now``, s, are to be kept."""
-        return not self._pending or now - self._pending[-1].stamp >= self._spacing * self.period - 1e-6
+    def is_due(self, now: float, period: float) -> bool:
+        """Whether the errors of a forecast of ``now``, s, are to be kept, in a motion of a period, s."""
+        return not self._pending or now - self._pending[-1].stamp >= SPACING * period - 1e-6
 
-    def follow(self, now: float, activity: np.ndarray, reach: np.ndarray | float = math.nan) -> np.ndarray:
+    def follow(self, now: float, activity: np.ndarray, reach: np.ndarray | float, period: float) -> np.ndarray:
         """Size (V,) of the recent motion up to ``now``, s; arguments as of `assess`, which does this itself."""
         self._grown = reach / THREE_STD
         elapsed, self._last = now - self._last, now
-        memory = MEMORY_OF_SIZE * self.period
+        memory = MEMORY_OF_SIZE * period
         gain = elapsed / (memory + elapsed) if elapsed > 0.0 else 1.0
         square = activity * activity
         # what was not known until now begins with its first size
@@ -236,9 +227,9 @@ class Quiescence:
     def _members_inside(self, motion: np.ndarray, size: np.ndarray):
         """Whether each member is inside at each lead, shape (H, members), and how many are; the others are not."""
         # forecasts grow better as the sea is learnt: while little is known, its older half is left out
-        count = min(max(self._seen // 2, _ENOUGH), self._seen, self._members)
+        count = min(max(self._seen // 2, _ENOUGH), self._seen, MEMBERS)
         known = self._complete[self._bounded].all(axis=0)
-        known &= (self._seen - 1 - np.arange(self._members)) % self._members < count
+        known &= (self._seen - 1 - np.arange(MEMBERS)) % MEMBERS < count
         inside = known
         for quantity, bound in zip(np.flatnonzero(self._bounded), self._bound, strict=True):
             errors, centre = self._errors[quantity], motion[:, quantity, None]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.motion.vertical import (
     ACCELERATION,
     EDGE,
@@ -22,13 +23,16 @@ from swath_sysid.attitude.motion.vertical import (
 )
 from swath_sysid.attitude.prediction.memories import MEMORY_OF_SIZE
 from swath_sysid.attitude.prediction.point import ATTITUDE, POINT_MOTION
+from swath_sysid.attitude.prediction.rows import CHANNELS, RowClock
 from swath_sysid.attitude.prediction.sea_state import MIN_DURATION
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel, cubic_weights
+from swath_sysid.common.row_buffer import RowBuffer
 
 #: Forecast here, with errors correlated with those of `ATTITUDE`; angular accelerations are for points.
 VERTICAL = (*POINT_MOTION, 'roll_acceleration', 'pitch_acceleration')
 
 FORCE = ('accel_x', 'accel_y', 'accel_z')
+_PLACES = [CHANNELS.index(name) for name in (*AXES, *FORCE)]
 
 _TRAINING_STEP = 0.4  #: s; closer rows are redundant for waves below `BAND_HZ`.
 _ROWS_A_REGRESSOR = 4.0
@@ -130,6 +134,8 @@ class VerticalForecaster:
         # calibrate the intervals over as many waves as show a sea state
         self._issued = np.full((round((MIN_DURATION + 2.0 * EDGE) / step) + ahead, ahead + 1, 3), np.nan)
         self._rows = 0
+        # heave and vertical velocity at the rows, as they were then: what windows of calm are judged by
+        self._nowcasts = RowBuffer(len(self._issued), 2)
 
     def install(self, fit: VerticalFit | None, newest: int, waves: InnovationsFilter) -> None:
         """Use a fit, None to forget the last, calibrated by the errors of the forecasts issued so far.
@@ -157,17 +163,25 @@ class VerticalForecaster:
         self._left = fit.covariance[:, :count, :count] * scale**2 - self._slope @ cross.transpose(0, 2, 1)
         self._look_ahead(waves)
 
-    def take(self, measured: np.ndarray, waves: InnovationsFilter | None) -> None:
-        """Take one row (5,): roll, pitch and specific force, NaN where missing; ``waves`` is the filter after it."""
-        self._integrals.take(float(vertical_acceleration(measured[0], measured[1], measured[2:])))
+    def request(self, clock: RowClock, newest: int) -> VerticalRequest:
+        """What a fit needs to know, at the newest row of this number."""
+        # the accelerations of smoothed rows lag behind the attitude, which the hull filters give
+        delay = (0.5 * clock.samples - 1.0) * clock.interval if clock.is_smoothed else 0.0
+        return VerticalRequest(self.ahead, delay, newest)
+
+    def take(self, row: np.ndarray, waves: InnovationsFilter | None) -> None:
+        """Take one row of `CHANNELS`, NaN where missing; ``waves`` is the filter after it."""
+        roll, pitch, *force = row[_PLACES]
+        self._integrals.take(float(vertical_acceleration(roll, pitch, np.array(force))))
         self._look_ahead(waves)
+        self._nowcasts.append((np.nan, np.nan) if self._mean is None else self._mean[0, :2])
         self._issued[self._rows % self._issued.shape[0]] = np.nan if self._mean is None else self._mean[:, :3]
         self._rows += 1
 
     def predict(self, count: int, waves: InnovationsFilter | None) -> None:
         """Go on over ``count`` missing rows; ``waves`` is the filter after them."""
         for _ in range(min(count, self._issued.shape[0])):
-            self.take(np.full(5, np.nan), waves)
+            self.take(np.full(len(CHANNELS), np.nan), waves)
 
     def _look_ahead(self, waves: InnovationsFilter | None):
         self._mean = self._state_covariance = None
@@ -175,10 +189,9 @@ class VerticalForecaster:
             self._mean = self._fit.weights @ np.concatenate([waves.state, self._integrals.values, [1.0]])
             self._state_covariance = waves.state_covariance
 
-    @property
-    def now(self) -> tuple[float, float]:
-        """Heave and vertical velocity at the newest row, m and m/s; NaN before anything is learnt."""
-        return (np.nan, np.nan) if self._mean is None else tuple(self._mean[0, :2].tolist())
+    def nowcasts(self, behind: np.ndarray) -> np.ndarray:
+        """Heave and vertical velocity (N, 2), m and m/s, so many rows (N,) ago, NaN before anything was learnt."""
+        return self._nowcasts.at(self._nowcasts.newest - behind)
 
     def forecast(
         self, leads: np.ndarray, age: float, attitude: np.ndarray, attitude_covariance: np.ndarray
