@@ -18,7 +18,7 @@ from swath_sysid.attitude.hull.craft_simulator import CraftSettings, SensorNoise
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.pipeline.demonstration import UNAWARE, Demonstration, LeadForecasts, Verdict, verdict_of, without_model
+from swath_sysid.pipeline.demonstration import UNAWARE, Demonstration, LeadForecasts, Outcome, verdict_of, without_model
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.report.demo_figure import demo_figure
 from swath_sysid.report.figures import save_figure
@@ -121,7 +121,7 @@ def test_the_verdict_needs_both_figures():
     assert verdict_of(demonstration(0.2, 0.002, 0.05)).is_good
     assert not verdict_of(demonstration(0.2, 0.02, 0.5)).is_good
     assert not verdict_of(demonstration(0.2, 0.002, 0.005)).is_good
-    good = Verdict(2.5, 1.0, 0.05, 0.5)
+    good = Outcome(2.5, 1.0, 0.05, 0.5)
     assert good.text.startswith('passed') and replace(good, after=0.2).text.startswith('NOT PASSED')
     # where no forecast came due there is no error
     shown = demonstration(0.2, 0.002, 0.05)

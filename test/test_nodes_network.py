@@ -18,7 +18,7 @@ from swath_sysid.formats.topics import FRAMES_TOPIC, STATIC_FRAMES, TYPES  # noq
 from swath_sysid.nodes.demo_monitor import Listener  # noqa: E402
 from swath_sysid.nodes.parameters.table import ATTITUDE_NODES, NODES  # noqa: E402
 from swath_sysid.nodes.qos import message_class  # noqa: E402
-from swath_sysid.nodes.record import Record  # noqa: E402
+from swath_sysid.nodes.record import RecorderNode  # noqa: E402
 from swath_sysid.nodes.replay import Replay  # noqa: E402
 
 pytestmark = pytest.mark.dds
@@ -114,7 +114,7 @@ def replay(folder):
 
 
 STARTED = {
-    'record': lambda folder: Record(Recording(folder / 'all.mcap')),
+    'record': lambda folder: RecorderNode(Recording(folder / 'all.mcap')),
     'replay': replay,
     'demo': lambda folder: Listener('roll', ForecasterSettings().leads),
 }

@@ -23,7 +23,7 @@ SAVE_PERIOD = 1.0  #: s of messages that a loss of power costs at most.
 LATCHED_DEPTH = 50
 
 
-class Record(Node):
+class RecorderNode(Node):
     """Subscribes, in its namespace, to our topics and to what our nodes use under whatever name, and to others."""
 
     def __init__(self, recording: Recording, others: Sequence[str] = ()):
@@ -112,10 +112,10 @@ class Record(Node):
 def record(path: str | Path, others: Sequence[str] = (), args: list[str] | None = None) -> tuple[int, dict[str, int]]:
     """Record to ``NAME.mcap`` until a signal comes: the exit code and the number of messages by topic."""
     recording = Recording(path)
-    made: list[Record] = []
+    made: list[RecorderNode] = []
 
-    def make() -> Record:
-        made.append(Record(recording, others))
+    def make() -> RecorderNode:
+        made.append(RecorderNode(recording, others))
         return made[-1]
 
     try:

@@ -73,7 +73,7 @@ class Demonstration:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Outcome:
     """Whether the forecasts became what they should."""
 
     lead: float  #: One natural period, s.
@@ -99,14 +99,14 @@ class Verdict:
         return f'{"passed" if self.is_good else limits}: {comparison}'
 
 
-def verdict_of(demonstration: Demonstration) -> Verdict:
+def verdict_of(demonstration: Demonstration) -> Outcome:
     """Judge a demonstration by its forecasts one natural period ahead."""
     lead = demonstration.period_lead
     published, unaided = (
         next(f for f in given if f.lead == lead) for given in (demonstration.forecasts, demonstration.unaided)
     )
     error = demonstration.error
-    return Verdict(lead, error(published, 0), error(published, 1), error(unaided, 1))
+    return Outcome(lead, error(published, 0), error(published, 1), error(unaided, 1))
 
 
 def attitude_at(forecast: ImuReading, axis: str) -> tuple[float, float]:

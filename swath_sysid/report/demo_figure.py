@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.prediction.forecast import LEVELS, NORMAL_QUANTILES
-from swath_sysid.pipeline.demonstration import SCORED_SPAN, UNAWARE, Demonstration, LeadForecasts, Verdict
+from swath_sysid.pipeline.demonstration import SCORED_SPAN, UNAWARE, Demonstration, LeadForecasts, Outcome
 from swath_sysid.report.figures import MEASURED, Axes, Figure, band, new_figure, quiet
 
 BEFORE, AFTER, INTERVAL = '#e08e2b', '#0b8a83', '#9fd8d2'
@@ -13,7 +13,7 @@ TRUTH = 'simulated craft'
 DOTS: Any = {'marker': '.', 'linestyle': ''}
 
 
-def demo_figure(demonstration: Demonstration, verdict: Verdict) -> Figure:
+def demo_figure(demonstration: Demonstration, verdict: Outcome) -> Figure:
     """The whole run above, each lead below."""
     figure = new_figure(12.0, 7.4)
     halves: Any = figure.subfigures(2, 1, height_ratios=(1.15, 1.0))
@@ -82,7 +82,7 @@ def _draw_lead(
     axes.set(xlim=(-0.5, SCORED_SPAN), ylim=(-limit, limit))
 
 
-def _headline(demonstration: Demonstration, verdict: Verdict):
+def _headline(demonstration: Demonstration, verdict: Outcome):
     after, unaided = (f'{100 * error:.0f} %' for error in (verdict.after, verdict.unaided))
     return (
         f'{demonstration.hull}: {demonstration.axis} forecast one natural period ahead, error {after} of the motion '

@@ -17,7 +17,7 @@ from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
 from swath_sysid.tank.campaign import evaluation
-from swath_sysid.tank.campaign.evaluation import Condition, FitJudgement, Record
+from swath_sysid.tank.campaign.evaluation import Condition, FitJudgement, TankRecord
 from swath_sysid.tank.campaign.trials import of_like_periods, turns_of
 from swath_sysid.tank.report.campaign_report import decay_drawings
 
@@ -55,7 +55,7 @@ def records():
     """Two repeats from 6 deg and one from 9 deg."""
     motions = [(angle, trial(angle, seed, duration=6.0).axis('pitch')) for angle, seed in ((6, 1), (6, 2), (9, 3))]
     return [
-        Record(f'{k}', Condition('pitch', 1.0, angle), k % 2 + 1, motion, prepare([motion]))
+        TankRecord(f'{k}', Condition('pitch', 1.0, angle), k % 2 + 1, motion, prepare([motion]))
         for k, (angle, motion) in enumerate(motions)
     ]
 

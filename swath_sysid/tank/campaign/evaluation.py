@@ -52,7 +52,7 @@ class Condition:
 
 
 @dataclass(frozen=True)
-class Record:
+class TankRecord:
     """One trial, ready to be fitted; its problem holds this record alone."""
 
     name: str
@@ -65,7 +65,7 @@ class Record:
         return f'{self.condition}, repeat {self.repeat}'
 
 
-def joint_problem(records: Sequence[Record]) -> Problem:
+def joint_problem(records: Sequence[TankRecord]) -> Problem:
     """One problem of several records of one axis, side by side."""
     if len(records) == 1:
         return records[0].problem
@@ -132,7 +132,7 @@ def _on_other(found: Identification, other: Problem) -> float:
     return simulation_error(found.model.with_trim(state.trim), state, other.motions[0])
 
 
-def best_repeats(records: Sequence[Record], fits: Sequence[Sequence[Identification]]) -> dict[Condition, int]:
+def best_repeats(records: Sequence[TankRecord], fits: Sequence[Sequence[Identification]]) -> dict[Condition, int]:
     """Index of the best repeat of each condition: the one with the largest median R^2 over the equations."""
     best: dict[Condition, tuple[float, int]] = {}
     for index, record in enumerate(records):
@@ -325,7 +325,7 @@ def spread_of_repeats(condition: Condition, fits: Sequence[Identification]) -> t
 
 
 def noise_statement(
-    records: Sequence[Record], fits: Sequence[Sequence[Identification]], best: dict[Condition, int]
+    records: Sequence[TankRecord], fits: Sequence[Sequence[Identification]], best: dict[Condition, int]
 ) -> str:
     """One sentence on whether the differences between equations, by one objective, exceed the noise."""
     beyond = total = 0

@@ -13,7 +13,7 @@ from swath_sysid.attitude.identification.result import Identification, Identific
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.plain import from_plain
 from swath_sysid.tank.campaign import evaluation
-from swath_sysid.tank.campaign.evaluation import Condition, Record
+from swath_sysid.tank.campaign.evaluation import Condition, TankRecord
 from swath_sysid.tank.campaign.manifest import Manifest, first_of
 from swath_sysid.tank.campaign.trials import TrialOutcome, prepared_trials
 from swath_sysid.tank.campaign.work import Progress, ResultStore, Task, Work, key_of
@@ -24,10 +24,10 @@ class AxisOutcome:
     """What a campaign found about one axis, at one speed."""
 
     axis: str  #: Name of the series: see `Condition.series`.
-    records: tuple[Record, ...]
+    records: tuple[TankRecord, ...]
     names: tuple[str, ...]
     fits: dict  #: Objective to record to equation, in the order of the names.
-    judgements: tuple  #: Record to equation, with the simulation objective.
+    judgements: tuple  #: TankRecord to equation, with the simulation objective.
     best: dict  #: Condition to index of its best repeat.
     together: dict  #: Condition to joint fits of its repeats.
     by_draft: dict  #: Draft to joint fits of all its records.
@@ -182,13 +182,13 @@ class _AxisPlan:
     def _settings(self, objective: str, equation: str = AUTO) -> IdentificationSettings:
         return IdentificationSettings(equation, objective, self._manifest.search)
 
-    def _conditions(self) -> dict[Condition, list[Record]]:
+    def _conditions(self) -> dict[Condition, list[TankRecord]]:
         return _grouped(self._records, lambda record: record.condition)
 
-    def _drafts(self) -> dict[float, list[Record]]:
+    def _drafts(self) -> dict[float, list[TankRecord]]:
         return dict(sorted(_grouped(self._records, lambda record: record.condition.loading).items()))
 
-    def _fit_key(self, record: Record, objective: str, name: str) -> str:
+    def _fit_key(self, record: TankRecord, objective: str, name: str) -> str:
         terms = equation_named(name).terms
         return key_of('fit', self._ids[str(record)], name, terms, objective, asdict(self._manifest.search))
 
@@ -233,7 +233,7 @@ class _AxisPlan:
     def _drop_failed(self, single: dict) -> None:
         """Leave out equations that failed on every record, and records on which another failed."""
 
-        def failed(record: Record, name: str) -> bool:
+        def failed(record: TankRecord, name: str) -> bool:
             return any((str(record), objective, name) not in single for objective in self._manifest.objectives)
 
         self._names = [n for n in self._names if not all(failed(r, n) for r in self._records)]
@@ -276,7 +276,7 @@ class _AxisPlan:
             found.setdefault(objective, {})[record] = settled
         return found
 
-    def _together(self, groups: dict[Any, list[Record]], simulated: dict) -> dict:
+    def _together(self, groups: dict[Any, list[TankRecord]], simulated: dict) -> dict:
         """Condition or draft to fits, in the order of the equations."""
         several = {place: group for place, group in groups.items() if len(group) > 1}
         problems = {place: evaluation.joint_problem(group) for place, group in several.items()}
@@ -318,7 +318,7 @@ class _AxisPlan:
         found = self._needed(tasks)
         return tuple(from_plain(tuple[evaluation.FitJudgement, ...], found[str(record)]) for record in self._records)
 
-    def _provenance(self, group: Sequence[Record]) -> dict:
+    def _provenance(self, group: Sequence[TankRecord]) -> dict:
         return {
             'software': f'swath_sysid {__version__}',
             'campaign': self._manifest.title,
@@ -326,8 +326,8 @@ class _AxisPlan:
         }
 
 
-def _grouped(records: Sequence[Record], key: Callable[[Record], Any]) -> dict[Any, list[Record]]:
-    groups: dict[Any, list[Record]] = {}
+def _grouped(records: Sequence[TankRecord], key: Callable[[TankRecord], Any]) -> dict[Any, list[TankRecord]]:
+    groups: dict[Any, list[TankRecord]] = {}
     for record in records:
         groups.setdefault(key(record), []).append(record)
     return groups

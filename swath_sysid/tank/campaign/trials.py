@@ -20,7 +20,7 @@ from swath_sysid.common.conventions import CONFIDENCE
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import UNKNOWN
 from swath_sysid.formats.reading import read_trial, source_hash
-from swath_sysid.tank.campaign.evaluation import Condition, Record
+from swath_sysid.tank.campaign.evaluation import Condition, TankRecord
 from swath_sysid.tank.campaign.manifest import Craft, Manifest, TrialEntry, loading_in_words
 from swath_sysid.tank.campaign.title_block import said_above
 
@@ -36,7 +36,7 @@ class TrialOutcome:
     entry: TrialEntry
     name: str
     sha256: str = ''
-    record: Record | None = None
+    record: TankRecord | None = None
     reason: str = ''
     advice: tuple[Advice, ...] = ()
     states_draft: bool = False  #: Whether the file does.
@@ -163,13 +163,13 @@ def _of_release(
     condition = Condition(entry.axis, loading, float(angle), entry.speed_m_s or 0.0)
     # the number of a file is not that of its releases
     repeat = 0 if outcome.release else entry.repeat or 0
-    record = Record(outcome.name, condition, repeat, motion, problem)
+    record = TankRecord(outcome.name, condition, repeat, motion, problem)
     return replace(outcome, record=record, advice=tuple(dict.fromkeys((*trial.advice, *problem.advice))))
 
 
 def _without_contradictions(trials: Sequence[TrialOutcome], quantity: str) -> list[TrialOutcome]:
     """Leave out releases whose period contradicts that of most others of their draft; without a majority, ask."""
-    pools: dict[tuple[str, float], list[tuple[TrialOutcome, Record]]] = {}
+    pools: dict[tuple[str, float], list[tuple[TrialOutcome, TankRecord]]] = {}
     for t in trials:
         if t.record is not None:
             pools.setdefault((t.record.condition.series, t.record.condition.loading), []).append((t, t.record))

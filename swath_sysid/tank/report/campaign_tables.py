@@ -13,7 +13,7 @@ from swath_sysid.attitude.identification.forecast_check import LEADS
 from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, TWO_STD, digits, percent
 from swath_sysid.report.figures import LINE_STYLES
 from swath_sysid.report.tables import Column, Table, columns_of
-from swath_sysid.tank.campaign.evaluation import Condition, Record, beyond_noise, tied_best
+from swath_sysid.tank.campaign.evaluation import Condition, TankRecord, beyond_noise, tied_best
 from swath_sysid.tank.campaign.manifest import LOADING_NAMES
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
 from swath_sysid.tank.campaign.trials import TrialOutcome
@@ -43,7 +43,7 @@ def trials_table(outcome: CampaignOutcome) -> Table:
     """Every trial of the manifest, used or not, with the reason."""
     best = {str(axis.records[index]) for axis in outcome.axes for index in axis.best.values()}
 
-    def of_record(value: Callable[[Record], Any]):
+    def of_record(value: Callable[[TankRecord], Any]):
         return lambda t: None if t.record is None else value(t.record)
 
     def used(t: TrialOutcome):
