@@ -96,7 +96,7 @@ class ForecasterSettings:
     valid_error: ErrorLimit = ErrorLimit()  #: Of the expected error, up to which a forecast is trusted.
     upstream: tuple[str, ...] = ()  #: Names of scalar series that show waves on their way to the craft.
     #: Candidates of one's own by name, each begun for rows of a step in a motion of a period, both s.
-    candidates: Mapping[str, Callable[[float, float], Candidate]] = field(default_factory=dict)
+    candidates: Mapping[str, Callable[[float, float], Candidate]] = field(default_factory=dict, hash=False)
 
     def __post_init__(self):
         if not self.leads or any(not b > a for a, b in zip((0.0, *self.leads), self.leads, strict=False)):
@@ -417,41 +417,25 @@ class Forecaster:
 
     # -- what is learnt of the sea
 
-    def _interval_of_refits(self, least: float):
-        """s: the information in a young fit grows quickly; one of a long past costs more and changes less."""
-        share = _REFIT_SHARE * (self._time - self._rows_begun)
-        return max(least * self._clock.period, min(share, _LONGEST_REFIT_INTERVAL * self._clock.period))
-
     def _sea_request(self):
         """The past to learn from, when a fit is due; else None."""
-        s = self.settings
-        if self._time < self._refit_due or self._time - self._rows_begun < s.first_refit * self._clock.period:
+        s, step, period, vertical = self.settings, self._clock.step, self._clock.period, self._points.vertical
+        if self._time < self._refit_due or self._time - self._rows_begun < s.first_refit * period:
             return None
         # held and let go, a craft has hardly moved in that time
         largest = max((axis.size for axis in self._axes.values()), key=attrgetter('activity'))
         if largest.is_young and not (self._bank and self._bank.has_waves):
             return None
-        self._refit_due = self._time + self._interval_of_refits(s.refit_interval)
+        # the information in a young fit grows quickly; one of a long past costs more and changes less
+        share = min(_REFIT_SHARE * (self._time - self._rows_begun), _LONGEST_REFIT_INTERVAL * period)
+        self._refit_due = self._time + max(s.refit_interval * period, share)
         if self._time < self._sea_state_due < self._refit_due:
             self._refit_due = self._sea_state_due
         past, excitations = self._newest(self._window).copy(), dict(self._excitation_requests())
-        vertical = self._points.vertical
-        return SeaRequest(
-            self._time,
-            self._clock.step,
-            self._clock.period,
-            CHANNELS,
-            past,
-            excitations,
-            None if vertical is None else vertical.request(self._clock, self._rows.newest),
-            self._time >= self._sea_state_due,
-            self._rows.request(
-                len(past),
-                int(NEW_SEA * self._clock.period / self._clock.step),
-                self._leads[-1] + self._clock.step,
-            ),
-            self._next_look(excitations),
-        )
+        of_points = None if vertical is None else vertical.request(self._clock, self._rows.newest)
+        is_due, look = self._time >= self._sea_state_due, self._next_look(excitations)
+        upstream = self._rows.request(len(past), int(NEW_SEA * period / step), self._leads[-1] + step)
+        return SeaRequest(self._time, step, period, CHANNELS, past, excitations, of_points, is_due, upstream, look)
 
     def _next_look(self, excitations: Mapping[str, ExcitationRequest]):
         """One axis in turn, as each look takes a while; by the whole past every third time."""
@@ -467,8 +451,7 @@ class Forecaster:
         age = self._clock.since_row + 0.5 * (step - step / samples)
         rows = self._rows.last(self._window)[:, OF_MEANS]
         for place, (name, axis) in enumerate(self._axes.items()):
-            # what is left when noise is taken off that may be less is no moment of waves, and a state that a fit ends
-            # in is none of an angle that is no longer measured
+            # what is left without a noise that may be less is no moment of waves; a fit cannot end in a lost angle
             is_told = axis.hull.is_known or all(axis.known_noise)
             if axis.hull.is_started and is_told and not axis.unmeasured.is_missing:
                 motion = newest_motion(rows[:, place :: len(AXES)].T, step, self._clock.period)

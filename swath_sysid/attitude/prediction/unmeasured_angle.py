@@ -67,10 +67,7 @@ class Gravity:
 
 
 class UnmeasuredAngle:
-    """The mean of a rate, which is its bias where the craft comes back, and the level about which the angle is.
-
-    Over a time, the mean of a rate is the difference of two angles over that time.
-    """
+    """The mean of a rate, which is its bias where the craft comes back, and the level about which the angle is."""
 
     def __init__(self, window: float) -> None:
         """With the periods of the past that forecasts are learnt from."""
