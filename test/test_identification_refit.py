@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from imu_stream import EPOCH_NS, decay_stream, reading
 
+from swath_sysid.attitude.hull.catalogue import hull_named
 from swath_sysid.attitude.hull.decay_model import DecayModel
 from swath_sysid.attitude.hull.identified_model import COEFFICIENT_NAMES, IdentifiedModel, coefficients
 from swath_sysid.attitude.hull.terms import TERM_NAMES
@@ -91,7 +92,15 @@ def test_a_refit_names_the_axis_of_a_sensor_whose_mounting_is_not_stated(table, 
     about = ', about the y axis of the sensor, whose mounting is not stated'
     assert first.message.endswith(about)
     stated = replace(table, installation=Installation('flu', (0.0, 0.0, 0.0)))
-    assert refit(Refitter(QUICK).request(stated)).message == first.message.removesuffix(about)
+    # models of a sensor that was mounted otherwise are of other axes
+    other = replace(first.models['pitch'], provenance={'mounting_deg': [0, 0, 90]})
+    roll = replace(IdentifiedModel.exactly(hull_named('swath-roll').model), provenance=other.provenance)
+    refitter = Refitter(QUICK, {'roll': roll, 'pitch': other})
+    request = refitter.request(stated)
+    outcome = refit(request)
+    assert outcome.message == first.message.removesuffix(about) and request.current == {}
+    assert refitter.take(outcome) and refitter.models == outcome.models and refitter.rollback()
+    assert set(refitter.models) == {'roll', 'pitch'}
 
 
 def test_a_window_whose_rates_are_reversed_is_not_fitted(table):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from html import escape
 from typing import Any
 
 from swath_sysid.attitude.motion.trial import AXES
@@ -27,6 +28,8 @@ html { scrollbar-gutter: stable }
 h1 { font-size: 1.125rem; line-height: 1.75rem; margin: 0; letter-spacing: 0 }
 .fault { color: #c62828 } .body--dark .fault { color: #ff8a80 }
 .body--dark .q-btn--flat { --q-primary: #90caf9 }
+#first { position: fixed; inset: 0; padding: 1rem; color-scheme: light dark; background: canvas; color: canvastext }
+body:has(#app > *) #first { display: none }
 """
 TRIAL_COLUMNS = [
     {'name': name, 'label': name, 'field': name, 'align': 'left'} for name in ('file', 'axis', 'loading', 'angle')
@@ -37,15 +40,17 @@ Update = Callable[[View], None]  #: Updates one card.
 
 def build(state: PageState) -> None:
     """Lay out the page for one browser and keep it up to date."""
-    ui.add_css(STYLE)
+    guidance = state.view.guidance
+    ui.add_head_html(f'<style>{STYLE}</style>')
+    # seen at once, while the browser loads what draws the page
+    ui.add_body_html(f'<div id="first">{escape(guidance.sentence)} {escape(guidance.cure)}</div>')
     ui.colors(primary='#1976d2', secondary='#00695c')
     with ui.header().classes('items-center py-2'):
         with ui.element('h1'):
             ui.label('swath_sysid')
         ui.space()
-        ui.toggle(
-            list(AXES), value=state.view.axis or AXES[0], on_change=lambda event: state.choose(event.value)
-        ).props('dense color=primary toggle-color=secondary text-color=white').mark('axis')
+        chosen = ui.toggle(list(AXES), value=state.axes[0], on_change=lambda event: state.choose(event.value))
+        chosen.props('dense color=primary toggle-color=secondary text-color=white data-name=axis')
     with ui.element('div').classes('w-full grid items-start gap-3 grid-cols-1 lg:grid-cols-2 xl:grid-cols-3'):
         updates = [
             _guide(state),
@@ -60,6 +65,8 @@ def build(state: PageState) -> None:
             updates.append(_trials())
 
     def refresh() -> None:
+        # another browser may have chosen
+        chosen.value = state.axes[0]
         for update in updates:
             update(state.view)
 

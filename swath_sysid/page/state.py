@@ -45,6 +45,7 @@ class Source(Protocol):
     record: LiveRecord
     description: str
     sensor: str  #: Full name of its topic.
+    namespace: str  #: Of the nodes, without slashes around it.
 
     def press(self, button: str) -> None:
         """``push``, ``accept``, ``refine``, or a service of the identifier."""
@@ -220,7 +221,9 @@ class PageState:
             return
         path = self._folder / f'swath_sysid_{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap'
         self._recorder = subprocess.Popen(
-            verb_command('record', '--output', str(path), '--topic', self._source.sensor),
+            verb_command(
+                'record', '--output', str(path), '--topic', self._source.sensor, '--namespace', self._source.namespace
+            ),
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,

@@ -1,27 +1,36 @@
 """The page in headless Chromium: every step of the bring-up, faults with their cures, the buttons, narrow and wide."""
 
 import asyncio
+import gzip
 import re
 import shutil
 import socket
+import sys
 import threading
 import urllib.error
 import urllib.request
 from contextlib import suppress
+from dataclasses import replace
+from html import escape
+from pathlib import Path
 from unittest.mock import patch
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 
 nicegui = pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
 webdriver = pytest.importorskip('selenium.webdriver', reason='driving a browser needs selenium: pip install selenium')
 
 from package_process import wait_for  # noqa: E402
+from selenium.webdriver.common.keys import Keys  # noqa: E402
 from tank_side import TankSide  # noqa: E402
 from test_page_bring_up import REST_S  # noqa: E402
 
 from swath_sysid.common.errors import InputError  # noqa: E402
 from swath_sysid.formats.model_file import model_from_yaml, model_to_yaml  # noqa: E402
+from swath_sysid.formats.reading import read_trial  # noqa: E402
+from swath_sysid.page.bring_up import STEPS, Guidance  # noqa: E402
 from swath_sysid.page.cli.page import origin_of, token_for  # noqa: E402
 from swath_sysid.page.live_record import horizon_of  # noqa: E402
 from swath_sysid.page.server import FEW, MOST_CONNECTIONS, Guard, is_allowed, served  # noqa: E402
@@ -32,6 +41,13 @@ needs_chromium = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason='no chromium with its driver: apt install chromium chromium-driver'
 )
 TOKEN = 'a-token-of-the-test'
+#: In place of the recorder: writes its own command, and ends with a sentence when it is interrupted.
+RECORDER = """
+import pathlib, signal, sys
+signal.signal(signal.SIGINT, lambda *_: (print('recorded'), sys.exit()))
+pathlib.Path(sys.argv[3]).write_text(' '.join(sys.argv[1:]))
+signal.pause()
+"""
 
 
 class SteppedState(PageState):
@@ -45,13 +61,14 @@ class Tank(TankSide):
     def __init__(self, folder):
         self.start_again()
         self.folder, self.lock, self.description, self.pressed = folder, threading.Lock(), '', []
+        self.sensor, self.namespace = '/sensors/imu', 'boat1'
         self.state = SteppedState(self, folder, 'pitch')
 
     def press(self, button):
         self.pressed.append(button)
         with self.lock:
-            if button == 'accept':
-                self.record.is_kept = True
+            if button in ('accept', 'refine'):
+                self.record.is_kept = button == 'accept'
         self.look()
 
     def look(self):
@@ -90,8 +107,25 @@ class Screen:
         wait_for(lambda: words in self.driver.execute_script(script), f'tooltip with {words!r}')
 
     def press(self, name):
-        script = f"const b = document.querySelector('[data-name={name}]:enabled'); b?.click(); return b !== null"
-        wait_for(lambda: self.driver.execute_script(script), f'button {name} that can be pressed')
+        """By keyboard alone: Tab to the button, which shows that it has the focus, and Enter."""
+        reached = "const of = document.activeElement.dataset; return of.name || of.action || ''"
+
+        def tabbed():
+            self.keys(Keys.TAB)
+            return self.driver.execute_script(reached) == name
+
+        wait_for(tabbed, f'button {name} that can be pressed')
+        assert self.driver.execute_script("return document.activeElement.matches(':focus-visible')")
+        self.keys(Keys.ENTER)
+
+    def keys(self, *keys):
+        webdriver.ActionChains(self.driver).send_keys(*keys).perform()
+
+    def shown_as(self, width, scheme):
+        self.resize(width)
+        features = [{'name': 'prefers-color-scheme', 'value': scheme}]
+        self.driver.execute_cdp_cmd('Emulation.setEmulatedMedia', {'features': features})
+        wait_for(lambda: self.driver.execute_script(f"return !!document.querySelector('.body--{scheme}')"), scheme)
 
     def resize(self, width):
         metrics = {'width': width, 'height': 1400, 'deviceScaleFactor': 1, 'mobile': width < 600}
@@ -180,6 +214,93 @@ def test_buttons_reach_the_nodes_and_a_rollback_keeps_a_copy(screen):
     assert model_from_yaml(saved.read_text()).keys() == {'pitch'}
     tank.look()
     screen.wait_for('saved', 'answers')
+
+
+@needs_chromium
+def test_every_button_does_by_keyboard_alone_what_it_says(screen, monkeypatch):
+    tank, downloads = screen.tank, screen.tank.folder / 'downloads'
+    screen.driver.execute_cdp_cmd('Page.setDownloadBehavior', {'behavior': 'allow', 'downloadPath': str(downloads)})
+    monkeypatch.setattr('swath_sysid.page.state.verb_command', lambda *words: [sys.executable, '-c', RECORDER, *words])
+    tank.start_again()
+    tank.record.can_push, tank.steps_back, tank.steps_forward = True, 1, 1
+    tank.send(REST_S)
+    screen.wait_for('press Push and release')
+    screen.press('push')
+    tank.release(5.0)
+    screen.wait_for('2.6')
+
+    def pressed(name):
+        tank.pressed.clear()
+        screen.press(name)
+        wait_for(lambda: tank.pressed == [name], name)
+        tank.send(1.0)
+
+    for name in ('accept', 'refine', 'identify', 'rollback', 'undo_rollback'):
+        pressed(name)
+    assert len(list(tank.folder.glob('model_*.yaml'))) >= 1
+    for path in tank.folder.glob('model_*.yaml'):
+        path.unlink()
+    screen.press('save')
+    wait_for(lambda: [*tank.folder.glob('model_*.yaml')], 'a saved model')
+    screen.press('model.yaml')
+    wait_for((downloads / 'model.yaml').is_file, 'the download of the model')
+    assert model_from_yaml((downloads / 'model.yaml').read_text()).keys() == {'pitch'}
+    screen.press('motion.csv')
+    wait_for((downloads / 'motion.csv').is_file, 'the download of the motion')
+    assert np.ptp(read_trial(downloads / 'motion.csv').time) > REST_S
+    screen.press('record')
+    wait_for(lambda: [*tank.folder.glob('*.mcap')], 'a recording')
+    (bag,) = tank.folder.glob('*.mcap')
+    assert bag.read_text() == f'record --output {bag} --topic /sensors/imu --namespace boat1'
+    tank.look()
+    screen.wait_for('Stop recording', 'record')
+    screen.press('record')
+    wait_for(lambda: tank.look() and not tank.state.view.is_recording, 'the end of the recording')
+    screen.wait_for('recorded', 'answers')
+    screen.press('restart')
+    wait_for(lambda: 'at rest' in tank.look().sentence, 'the guide from its start')
+    axis = "return document.querySelector('[data-name=axis] [aria-pressed=true]').innerText.toLowerCase()"
+    assert screen.driver.execute_script(axis) == 'pitch'
+    for chosen in ('roll', 'pitch'):
+        # as by another browser
+        tank.state.choose(chosen)
+        wait_for(lambda chosen=chosen: screen.driver.execute_script(axis) == chosen, f'{chosen} at the top')
+    screen.driver.execute_script("document.querySelector('[data-name=axis] button').focus()")
+    screen.keys(Keys.ENTER)
+    wait_for(lambda: tank.state.axes[0] == 'roll', 'the axis that was chosen')
+    tank.state.choose('pitch')
+
+
+@needs_chromium
+@pytest.mark.parametrize('scheme', ['light', 'dark'])
+@pytest.mark.parametrize('width', [400, 1280])
+def test_axe_has_no_finding(screen, width, scheme):
+    axe = pytest.importorskip(
+        'axe_selenium_python', reason='checks of access need axe: pip install axe-selenium-python'
+    )
+    script = Path(axe.__file__).parent / 'node_modules' / 'axe-core' / 'axe.min.js'
+    screen.shown_as(width, scheme)
+    screen.driver.execute_script(script.read_text(encoding='utf-8'))
+    found = screen.driver.execute_async_script('axe.run().then(arguments[arguments.length - 1])')
+    assert [(each['id'], each['nodes'][0]['html']) for each in found['violations']] == [] and len(found['passes']) > 25
+
+
+def test_the_next_step_is_seen_before_the_libraries_have_come(address, monkeypatch):
+    words, (url, tank) = 'Wait & see <b>', address
+    tank.look()
+    monkeypatch.setattr(tank.state, 'view', replace(tank.state.view, guidance=Guidance(STEPS[0], words)))
+    root, _, token = url.partition('?')
+
+    def got(path):
+        request = urllib.request.Request(f'{root}{path}', headers={'Accept-Encoding': 'gzip'})
+        with urllib.request.urlopen(request, timeout=60.0) as answer:
+            return answer.read()
+
+    page = got(f'page?{token}')
+    text = gzip.decompress(page).decode()
+    needed = [got(f'{path}?{token}') for path in re.findall(r'@import url\("/(.+?)"\)', text)]
+    assert f'<div id="first">{escape(words)} ' in text.partition('<div id="app"')[0]
+    assert len(needed) >= 3 and len(page) + sum(map(len, needed)) < 200_000
 
 
 @needs_chromium

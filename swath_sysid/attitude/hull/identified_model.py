@@ -62,19 +62,24 @@ def mounting_of(motions: Iterable[AxisMotion]) -> dict[str, list[float]]:
     return {} if only is None else {MOUNTING: in_degrees(only, 3)}
 
 
+def other_mounting(identified: 'IdentifiedModel', installation: Installation | None) -> str:
+    """The mounting, deg, that a model was identified with; empty unless it is another than that of a sensor."""
+    # a model file may say anything there
+    known = identified.provenance.get(MOUNTING) if isinstance(identified.provenance, dict) else None
+    is_known = isinstance(known, list | tuple) and len(known) == 3 and all(isinstance(a, int | float) for a in known)
+    if installation is None or known is None or not is_known:
+        return ''
+    turn = angle_between([math.radians(angle) for angle in known], installation.angles)
+    return ','.join(f'{angle:g}' for angle in known) if turn > OTHER_MOUNTING else ''
+
+
 def check_mounting(models: Mapping[str, 'IdentifiedModel'], installation: Installation | None) -> None:
     """Reject models that were identified with another mounting than that of the sensor they are used with."""
     for axis, identified in models.items():
-        # a model file may say anything there
-        known = identified.provenance.get(MOUNTING) if isinstance(identified.provenance, dict) else None
-        if installation is None or not isinstance(known, list | tuple) or len(known) != 3:
-            continue
-        if not all(isinstance(angle, int | float) for angle in known):
-            continue
-        if angle_between([math.radians(angle) for angle in known], installation.angles) > OTHER_MOUNTING:
+        if installation is not None and (known := other_mounting(identified, installation)):
             now = ','.join(f'{angle:g}' for angle in in_degrees(installation.angles, 1))
             raise InputError(
-                f'the {axis} model was identified with the sensor mounted at {",".join(f"{a:g}" for a in known)} deg, '
+                f'the {axis} model was identified with the sensor mounted at {known} deg, '
                 f'and {"it is stated" if installation.mounting else "without a stated mounting it is used"} at {now}: '
                 f'state the same mounting, identify again, or remove {MOUNTING} from the model file if it is another '
                 'sensor',

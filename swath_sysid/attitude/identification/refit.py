@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, Equation, amplitude_curves
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
+from swath_sysid.attitude.hull.identified_model import IdentifiedModel, other_mounting
 from swath_sysid.attitude.hull.terms import LOWER, TERM_NAMES, UPPER
 from swath_sysid.attitude.identification.at_sea import (
     PERIOD_USABLE,
@@ -39,6 +39,7 @@ from swath_sysid.attitude.identification.problem import Problem, block_means, mo
 from swath_sysid.attitude.identification.result import Identification, IdentificationSettings
 from swath_sysid.attitude.identification.search import SearchSettings
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilitySettings, StabilityWatch
+from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.segmentation import FORCED_MOTION, explain_absence
 from swath_sysid.attitude.motion.trial import AXES, Trial, about_sensor
 from swath_sysid.attitude.motion.window import MotionTable
@@ -192,6 +193,7 @@ class RefitOutcome:
     """The findings of a refit."""
 
     verdicts: tuple[AxisVerdict, ...]
+    installation: Installation | None = None  #: Of the sensor.
 
     @property
     def models(self) -> dict[str, IdentifiedModel]:
@@ -238,7 +240,7 @@ def refit(
         except InputError as error:
             verdicts.append(AxisVerdict(axis, None, f'not fitted, {error}'))
         report(1.0)
-    return RefitOutcome(tuple(verdicts))
+    return RefitOutcome(tuple(verdicts), trials[-1].installation)
 
 
 def _decays_seen(axis: str, request: RefitRequest, trials: list[Trial]) -> tuple[LiveDecay, ...]:
@@ -388,6 +390,11 @@ def warm_up() -> None:
     refit(RefitRequest((MotionTable(rows, 0),), {}, {}, settings))
 
 
+def _of_sensor(models: Mapping[str, IdentifiedModel], installation: Installation | None) -> dict[str, IdentifiedModel]:
+    """The models that were not identified with another mounting than a sensor has now."""
+    return {axis: each for axis, each in models.items() if not other_mounting(each, installation)}
+
+
 class Refitter:
     """Models by axis and their changes by refits, with the decays behind them and a history, oldest first."""
 
@@ -409,7 +416,8 @@ class Refitter:
     def request(self, *windows: MotionTable, is_asked: bool = True, **origin: Any) -> RefitRequest:
         """What `refit` needs for windows, oldest first; ``origin`` as in `RefitRequest`."""
         self._forgot = False
-        return RefitRequest(windows, dict(self.models), dict(self.decays), self.settings, is_asked, **origin)
+        current = _of_sensor(self.models, windows[-1].installation)
+        return RefitRequest(windows, current, dict(self.decays), self.settings, is_asked, **origin)
 
     def take(self, outcome: RefitOutcome) -> bool:
         """Accept an outcome of `refit` and update the stability watch; True where the models are to be published."""
@@ -424,7 +432,7 @@ class Refitter:
             return False
         self._history.append(before)
         self._undone.clear()
-        self.models = {**self.models, **outcome.models}
+        self.models = {**_of_sensor(self.models, outcome.installation), **outcome.models}
         self.version += 1
         return True
 

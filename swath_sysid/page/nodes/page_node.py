@@ -54,7 +54,7 @@ class PageNode(Node):
         self._report = EachOnce(report)
         self._requests = PageRequests(self, report, self._note_kept)
         self.press = self._requests.press
-        self._prefix = self.get_namespace().strip('/')
+        self.namespace = self.get_namespace().strip('/')
         self._point: tuple[str, Any] = '', None
         self.create_subscription(Imu, topics.IMU_TOPIC, self._on_imu, SENSOR, raw=True)
         self.create_subscription(JointTrajectory, topics.HORIZON_TOPIC, self._on_horizon, NEWEST_LOSSY)
@@ -141,8 +141,8 @@ class PageNode(Node):
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         with self.lock:
             for status in message.status:
-                name = status.name.removeprefix(f'{self._prefix}/')
-                if status.hardware_id == self._prefix and name in READ:
+                name = status.name.removeprefix(f'{self.namespace}/')
+                if status.hardware_id == self.namespace and name in READ:
                     values = {each.key[:LONGEST]: each.value[:LONGEST] for each in status.values[:MAX_VALUES]}
                     report = Report(name, status.level[0], status.message[:LONGEST], values)
                     self.record.add_status(report, monotonic())
