@@ -15,10 +15,8 @@ def run(arguments: Namespace) -> int:
     # whatever a file or a bag states: the axes of the sensor
     given = Namespace(**vars(arguments), mounting=(0.0, 0.0, 0.0), params_file=None)
     found = estimate_mounting(read_record(arguments.record, given), arguments.pushed)
-    angles = in_degrees(found.angles, 1)
-    turn = turn_in_craft(Installation(arguments.frame or 'flu', found.angles))
+    angles, turn = in_degrees(found.angles, 1), turn_in_craft(Installation(arguments.frame or 'flu', found.angles))
     urdf = ' '.join(f'{angle:.4f}' for angle in map(float, euler_angles(*turn)))
-    text = ','.join(f'{angle:g}' for angle in angles)
     data = {
         'mounting_deg': angles,
         'yaw_spread_deg': float(np.degrees(found.yaw_spread)),
@@ -30,7 +28,7 @@ def run(arguments: Namespace) -> int:
         f'roll {angles[0]:g}, pitch {angles[1]:g}, yaw {angles[2]:g} deg of the sensor in the craft, which is taken to '
         f'float level; the halves of the push differ by {data["yaw_spread_deg"]:.1f} deg in yaw',
         f'parameter  mounting_deg: [{", ".join(f"{float(angle)}" for angle in angles)}]',
-        f'flag       --mounting {text}',
+        f'flag       --mounting {",".join(f"{angle:g}" for angle in angles)}',
         f'URDF       <origin rpy="{urdf}"/>, in the joint from base_link to the frame_id of the sensor',
     ]
     print_result(arguments.json, data, lines)

@@ -52,15 +52,8 @@ def build(state: PageState) -> None:
         chosen = ui.toggle(list(AXES), value=state.axes[0], on_change=lambda event: state.choose(event.value))
         chosen.props('dense color=primary toggle-color=secondary text-color=white data-name=axis')
     with ui.element('div').classes('w-full grid items-start gap-3 grid-cols-1 lg:grid-cols-2 xl:grid-cols-3'):
-        updates = [
-            _guide(state),
-            *(_motion(axis) for axis in state.axes),
-            _actions(state),
-            _release(),
-            _model(),
-            _calm(),
-        ]
-        updates += [_health(), _heave()]
+        above = _guide(state), *map(_motion, state.axes), _actions(state)
+        updates = [*above, _release(), _model(), _calm(), _health(), _heave()]
         if state.manifest:
             updates.append(_trials())
 
@@ -88,7 +81,7 @@ def _guide(state: PageState) -> Update:
         cure = _text('text-body1', 'cure', 2)
         primary = ui.button().props('no-caps unelevated').style('min-height: 2.75rem').classes('w-full')
         answers = _text('text-caption opacity-70 whitespace-pre-line', 'answers', 1)
-    primary.on_click(lambda: _press(state, state.view.guidance.action))
+    primary.on_click(lambda: _press(state, primary.props['data-action']))
 
     def update(view: View) -> None:
         guidance = view.guidance
