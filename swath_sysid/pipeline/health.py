@@ -341,7 +341,6 @@ class BufferHealth(StreamHealth):
             'duration_s': window.duration,
             'recording': window.recording,
             'decays_noticed': self.decays,
-            # read with the bags that hold it
             'topic': self.topic,
             'frame': window.settings.installation.frame,
             'mounting_deg': window.settings.installation.described,

@@ -108,14 +108,14 @@ class Screen:
 
     def press(self, name):
         """By keyboard alone: Tab to the button, which shows that it has the focus, and Enter."""
-        view, of = self.tank.state.view, 'const each = document.activeElement, {name, action} = each.dataset'
+        view, of = self.tank.state.view, 'const each = document.activeElement, {name, action} = each?.dataset ?? {}'
         large = [view.guidance.action] if view.guidance.action not in ('', *view.refusals) else []
         # what is still to change would take the focus
         wait_for(lambda: self.loud() == large, f'{large} as the next step')
 
         def reached():
             self.keys(Keys.TAB)
-            return self.driver.execute_script(f"{of}; return each.matches(':focus-visible') ? name || action : ''")
+            return self.driver.execute_script(f"{of}; return each?.matches(':focus-visible') ? name || action : ''")
 
         wait_for(lambda: reached() == name, f'button {name} that can be pressed')
         self.keys(Keys.ENTER)
