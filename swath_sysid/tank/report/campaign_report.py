@@ -9,7 +9,6 @@ import numpy as np
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
 from swath_sysid.common.conventions import TWO_STD
-from swath_sysid.common.covariance import correlation
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import write_text
 from swath_sysid.formats.model_file import write_scheduled
@@ -34,7 +33,6 @@ def campaign_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> dict[str, 
         'against_draft': list(against_draft(outcome, axis)),
         'damping': list(extinction_drawings(outcome, axis)),
         'records': list(record_drawings(outcome, axis)),
-        'correlations': list(correlation_drawings(outcome, axis)),
     }
 
 
@@ -153,29 +151,6 @@ def record_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Dra
         )
 
 
-def correlation_drawings(outcome: CampaignOutcome, axis: AxisOutcome) -> Iterator[Drawing]:
-    """Correlations between the ratios of the chosen equation, a figure a draft."""
-    for loading, fits in axis.by_draft.items():
-        fit = fits[axis.choice]
-        terms = list(fit.model.terms)
-        matrix, count = correlation(fit.covariance), len(terms)
-        figure = plots.new_figure()
-        axes = figure.subplots()
-        # of the colours those on which black is read, whatever the page's own
-        axes.pcolormesh(matrix[::-1], cmap='RdBu_r', vmin=-1.5, vmax=1.5, edgecolors='none')
-        for (i, j), value in np.ndenumerate(matrix):
-            axes.text(
-                j + 0.5, count - i - 0.5, f'{value:.2f}', ha='center', va='center', fontsize='small', color='black'
-            )
-        axes.set_xticks(np.arange(count) + 0.5, terms)
-        axes.set_yticks(np.arange(count) + 0.5, terms[::-1])
-        axes.tick_params(length=0)
-        axes.spines[:].set_visible(False)
-        axes.set_title(loading_in_words(outcome.quantity, loading))
-        caption = 'Correlations, all records of the draft together'
-        yield Drawing(f'correlation_{axis.axis}_{loading:g}', caption, figure)
-
-
 PAGE, MODEL = 'report.html', 'model.yaml'
 TABLES, FIGURES = 'tables', 'figures'
 REPORTED = (PAGE, MODEL, TABLES, FIGURES)  #: What a report writes into its folder.
@@ -245,6 +220,7 @@ def _axis_tables(outcome: CampaignOutcome, axis: AxisOutcome):
         'repeats': campaign_tables.spread_table(outcome, axis),
         'sides': campaign_tables.sides_table(outcome, axis),
         'errors': campaign_tables.errors_table(outcome, axis),
+        'correlations': campaign_tables.correlation_table(outcome, axis),
         **extinction_tables(outcome, axis),
     }
     if len(axis.schedule.loadings) > 1:
@@ -266,7 +242,6 @@ def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[st
     """Anchor, name and parts of every section of an axis."""
     tables = {name: table_as_html(table) for name, table in found.items()}
     shown = {kind: figures(items) for kind, items in drawings.items()}
-    related = 'Ratios whose correlation is beyond 0.95 cannot be distinguished: use them together only.'
     equations = 'verdicts', 'Verdicts', [*_findings(axis), tables.get('verdicts', '')]
     if axis.is_compared:
         marks = 'Marked green: the best of a row. Red: worse than the best by more than noise explains.'
@@ -284,7 +259,7 @@ def _axis_sections(axis: AxisOutcome, found: dict[str, Table], drawings: dict[st
         ('damping', 'Period, damping and extinction', [shown['damping'], tables['damping'], tables['extinction']]),
         ('errors', 'Simulation and forecast', [tables['errors']]),
         ('records', 'Every record', [shown['records']]),
-        ('correlations', 'Correlations', [paragraph(related, 'note'), shown['correlations']]),
+        ('correlations', 'Correlations', [tables['correlations']]),
     )
 
 

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.hull.terms import RATIO_UNITS
+from swath_sysid.attitude.identification.fit_quality import NOT_SEPARABLE
 from swath_sysid.attitude.identification.forecast_check import LEADS
 from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, REJECTED, TWO_STD, digits, percent
+from swath_sysid.common.covariance import correlation
 from swath_sysid.report.figures import LINE_STYLES
 from swath_sysid.report.tables import Column, Table, columns_of
 from swath_sysid.tank.campaign.evaluation import Condition, TankRecord, beyond_noise, tied_best
@@ -244,6 +246,27 @@ def coefficient_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
         ('initial angle [deg]', lambda item: item[1], lambda value: str(value) if value == 'all' else f'{value:.4g}'),
         *_ratio_columns(items[0][2].model.terms, lambda item, term: item[2].ratio(term)),
     )
+
+
+def correlation_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
+    """Correlations of the ratios of the chosen equation, all records of a draft together."""
+    fits = {loading: own[axis.choice] for loading, own in axis.by_draft.items()}
+    terms = axis.schedule.equation.terms
+    items = [(at, *pair) for at, fit in fits.items() for pair in zip(terms, correlation(fit.covariance), strict=True)]
+    table = Table.of(
+        f'correlation_{axis.axis}',
+        '',
+        'All records of a draft together. Red: ratios that the records do not separate (beyond 0.95); use them '
+        'together only.',
+        items,
+        (LOADING_NAMES[outcome.quantity], lambda item: item[0], digits(4)),
+        ('ratio', lambda item: item[1]),
+        *((term, lambda item, k=k: float(item[2][k]), '{:.2f}'.format) for k, term in enumerate(terms)),
+    )
+    for k, (_, term, row) in enumerate(items):
+        linked = np.flatnonzero(np.abs(row) > NOT_SEPARABLE).tolist()
+        table.marks.update({(k, 2 + j): 'beyond' for j in linked if terms[j] != term})
+    return table
 
 
 def spread_table(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
