@@ -192,14 +192,18 @@ class Found:
 
 
 def changes_in(entries: Sequence[Entry]) -> tuple[Found, ...]:
-    """The changes of GM, which the square of the frequency follows, and of damping."""
+    """The changes of GM, which the square of the frequency follows, and of the damping over inertia, which the damping
+    ratio times the frequency follows: a change of GM alone is none of damping.
+    """
     places = tuple(k for k, each in enumerate(entries) if each.is_used)
     used = [entries[k] for k in places]
     at_sea = np.array([each.at_sea for each in used], dtype=bool)
+    measured = [(each.period, each.period_std, each.damping_ratio, each.damping_ratio_std) for each in used]
+    period, period_std, ratio, ratio_std = np.array(measured).reshape(-1, 4).T
     found = []
-    for quantity, name, power in (('GM', 'period', -2.0), ('damping', 'damping_ratio', 1.0)):
-        value, std = (np.array([getattr(each, name + part) for each in used]) for part in ('', '_std'))
-        series = Series(power * np.log(value), abs(power) * std / value, at_sea)
+    for quantity, of_period, of_ratio in (('GM', -2.0, 0.0), ('damping', -1.0, 1.0)):
+        value = of_period * np.log(period) + of_ratio * np.log(ratio)
+        series = Series(value, np.hypot(of_period * period_std / period, of_ratio * ratio_std / ratio), at_sea)
         changes = tuple(changes_of(series, FALSE_ALARM / 2)) if used else ()
         steps = steps_of(series, [each.place for each in changes]) if changes else []
         factors = tuple((math.exp(step), math.exp(step - half), math.exp(step + half)) for step, half in steps)

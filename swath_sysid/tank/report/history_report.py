@@ -10,7 +10,7 @@ from swath_sysid.report.figures import MODEL, RESIDUAL, Figure, new_figure, quie
 from swath_sysid.report.tables import Table
 from swath_sysid.tank.campaign.history import FALSE_ALARM, FEWEST, Entry, Found
 
-QUANTITIES = {'GM': 'GM', 'damping': 'the damping ratio'}
+QUANTITIES = {'GM': 'GM', 'damping': 'the damping'}
 
 
 def date_of(entry: Entry) -> str:
