@@ -112,6 +112,7 @@ def recorded():
     finally:
         nodes.send_signal(signal.SIGINT)
         nodes.wait()
+        rclpy.shutdown()  # gives Ctrl-C back to the drawing
     return watcher
 
 

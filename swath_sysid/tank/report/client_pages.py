@@ -14,7 +14,6 @@ from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL, LEVELS, TWO_STD, 
 from swath_sysid.common.errors import InputError
 from swath_sysid.report.figures import LINE_STYLES, curves_of, legend_below, new_figure, quiet, two_std_band
 from swath_sysid.report.html_page import Drawing, bullets, escaped, figures, paragraph, table_as_html
-from swath_sysid.report.published import PARTICULARS
 from swath_sysid.report.tables import Table
 from swath_sysid.tank.campaign.manifest import LOADING_NAMES, PICTURES, loading_in_words
 from swath_sysid.tank.campaign.run import AxisOutcome, CampaignOutcome
@@ -29,7 +28,7 @@ from swath_sysid.tank.report.campaign_results import (
     used_of,
 )
 from swath_sysid.tank.report.campaign_tables import colour_of, sides_statement, spread_statement
-from swath_sysid.tank.report.extinction_tables import SOURCES
+from swath_sysid.tank.report.extinction_tables import SOURCES, conditions_table
 
 NOT_STATED = 'not stated'
 LONGEST_LIST = 8  #: Names of files that stand for test numbers one by one.
@@ -77,14 +76,8 @@ def title_rows(outcome: CampaignOutcome) -> Iterator[tuple[str, str]]:
     yield 'Author', block.author or NOT_STATED
     yield 'Tests', block.test_numbers or of_files
     yield 'Model', f'{craft.name}, scale {block.scale or NOT_STATED}'
-    known = [
-        (name.partition(' [')[0], value, name.partition('[')[2].rstrip(']'))
-        for key, name in PARTICULARS.items()
-        if key != 'basin' and (value := getattr(craft, key)) is not None
-    ]
-    said = [
-        f'{name} {value if isinstance(value, str) else f"{value:g}"} {unit}'.rstrip() for name, value, unit in known
-    ]
+    rows = [(*name.rstrip(']').partition(' ['), value) for name, value in conditions_table(outcome).rows]
+    said = [f'{name} {value} {unit}'.rstrip() for name, _, unit, value in rows if name not in ('basin', 'speed')]
     yield 'Particulars', ', '.join(said) or NOT_STATED
     for axis in outcome.axes:
         speed = f'at {axis.speed_m_s:g} m/s' if axis.speed_m_s else 'at rest'
