@@ -3,6 +3,7 @@
 import asyncio
 import csv
 import json
+import logging
 import math
 import os
 import pickle
@@ -470,6 +471,7 @@ def test_a_lost_scheduler_ends_with_one_sentence_and_what_is_done_stays(trials, 
         assert main(['campaign', str(trials / 'campaign.yaml'), '--output', str(tmp_path)]) == 2
         error = capsys.readouterr().err
         assert 'the connection to the Dask scheduler was lost' in error and 'Traceback' not in error
+        assert not logging.getLogger('distributed.client').isEnabledFor(logging.ERROR)
         assert not (tmp_path / 'report.html').exists()
     outcome = work_off(trials, tmp_path)
     assert outcome.kept == 1 and tables_of(outcome) == tables_of(done[0])

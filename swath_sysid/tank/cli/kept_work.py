@@ -28,7 +28,8 @@ def said_to_continue() -> Iterator[None]:
 def kept_work(name: str, folder: Path, arguments: Namespace) -> Iterator[tuple[ResultStore, Executor, Callable]]:
     """The store of finished fits, what does the others, and how far they are, for what a verb is called."""
     # the loss of a scheduler is reported in one sentence, not by the tracebacks of its client
-    logging.getLogger('distributed').setLevel(logging.CRITICAL)
+    for each in ('distributed', 'distributed.client'):
+        logging.getLogger(each).setLevel(logging.CRITICAL)
     store = ResultStore(folder / RESULTS)
     with (
         store.locked(),
