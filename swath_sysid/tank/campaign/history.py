@@ -96,38 +96,26 @@ class Series:
         """Some of the entries."""
         return Series(self.value[start:end], self.std[start:end], self.at_sea[start:end])
 
-    @cached_property
-    def steps(self) -> np.ndarray:
-        """Columns (n, n - 1) of a change before each entry but the first."""
-        return np.tril(np.ones((self.value.size, self.value.size - 1)), -1)
-
     def likelihoods(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of histories (S, n): log likelihood without a change (S,), with one at each place (S, n - 1), and the fitted
         scatter (S,) without one.
         """
-        size = values.std(axis=1)
-        without, best, scatter = (
-            np.full(len(values), -np.inf),
-            np.full((len(values), self.steps.shape[1]), -np.inf),
-            size,
-        )
+        size, places = values.std(axis=1), self.value.size - 1
+        without, best, scatter = np.full(len(values), -np.inf), np.full((len(values), places), -np.inf), size
         for share in SCATTERS:
-            weight = 1.0 / np.sqrt(self.std**2 + (share * size[:, None]) ** 2)
-            basis, _ = np.linalg.qr(weight[:, :, None] * self.levels)
-            rest = _apart(basis, (weight * values)[:, :, None])
-            steps = _apart(basis, weight[:, :, None] * self.steps)
-            length = np.einsum('snd,snd->sd', steps, steps)
-            gain = np.einsum('snd,sn->sd', steps, rest[:, :, 0]) ** 2 / np.maximum(length, 1e-9 * weight[:, :1] ** 2)
-            plain = np.log(weight).sum(axis=1) - 0.5 * np.einsum('sno,sno->s', rest, rest)
+            weight = 1.0 / (self.std**2 + (share * size[:, None]) ** 2)
+            of_kind = weight[:, :, None] * self.levels
+            total = of_kind.sum(axis=1, keepdims=True)
+            mean = (of_kind * values[:, :, None]).sum(axis=1) / total[:, 0]
+            rest = values - mean @ self.levels.T
+            before = np.cumsum(of_kind, axis=1)[:, :-1]
+            length = (before - before**2 / total).sum(axis=2)
+            gain = np.cumsum(weight * rest, axis=1)[:, :-1] ** 2 / np.maximum(length, 1e-9 * weight[:, :1])
+            plain = 0.5 * (np.log(weight) - weight * rest**2).sum(axis=1)
             scatter = np.where(plain > without, share * size, scatter)
             without = np.maximum(without, plain)
             best = np.maximum(best, plain[:, None] + 0.5 * gain)
         return without, best, scatter
-
-
-def _apart(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """What of columns (S, n, d) is orthogonal to a basis (S, n, k)."""
-    return columns - basis @ (np.swapaxes(basis, 1, 2) @ columns)
 
 
 @dataclass(frozen=True)
@@ -149,7 +137,7 @@ def changes_of(series: Series, chance: float, start: int = 0) -> list[Change]:
     own = np.sqrt(series.std**2 + scatter[0] ** 2)
     drawn = own * np.random.default_rng(0).standard_normal((DRAWS, own.size))
     more = 0
-    for some in np.array_split(drawn, 1 + drawn.size * own.size // LARGEST_BLOCK):
+    for some in np.array_split(drawn, 1 + drawn.size // LARGEST_BLOCK):
         none, one, _ = series.likelihoods(some)
         more += int(np.count_nonzero(one.max(axis=1) - none >= ratio))
     found = (1 + more) / (DRAWS + 1)
@@ -167,7 +155,7 @@ def steps_of(series: Series, places: Sequence[int]) -> list[tuple[float, float]]
     """The change at each place with half its `CONFIDENCE` interval, of the logarithm; all places together."""
     from scipy.stats import t as student
 
-    columns = np.column_stack([series.levels, *(series.steps[:, place - 1] for place in places)])
+    columns = np.column_stack([series.levels, *(np.arange(series.value.size) >= place for place in places)])
     size, freedom = series.value.std(), series.value.size - columns.shape[1]
     found = []
     for share in SCATTERS:
