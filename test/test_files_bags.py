@@ -15,6 +15,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from swath_sysid.attitude.motion.attitude import euler_rates, quaternion
 from swath_sysid.attitude.motion.trial import CHANNELS, Trial
+from swath_sysid.common.account import in_words
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import bags
 from swath_sysid.formats import messages as layout
@@ -273,7 +274,9 @@ def test_what_a_killed_recorder_left_in_the_log_of_sqlite_is_read_and_left_as_it
     assert read_bag(folder).advice == ()
     (folder / 'metadata.yaml').write_text(text.replace(f'message_count: {COUNT}', f'message_count: {2 * COUNT}'))
     advice = read_bag(folder).advice
-    assert [each.code for each in advice] == ['incomplete-bag'] and f'lacks {COUNT} of the {2 * COUNT}' in str(advice)
+    assert [each.code for each in advice] == ['incomplete-record'] and f'lacks {COUNT} of the {2 * COUNT}' in str(
+        advice
+    )
 
 
 @pytest.mark.parametrize('name', ['cut.db3', 'half 50%41?#.db3'])
@@ -327,7 +330,7 @@ def test_a_broken_chunk_in_a_folder_costs_what_follows_and_a_lost_part_of_a_spli
     assert_right(read_bag(folder))
     (folder / 'bag_0.mcap').write_bytes(b'lost')
     trial = read_bag(folder)
-    assert trial.time.size == 100 and codes(trial) == ['damaged-bag', 'damaged-bag']
+    assert trial.time.size == 100 and codes(trial) == ['damaged-bag', 'unreadable-file']
 
 
 @pytest.mark.parametrize('ending', ['db3', 'mcap', 'mcap.zstd'])
@@ -346,7 +349,10 @@ def test_of_a_split_bag_with_a_part_cut_the_rest_is_read_and_the_share_told(tmp_
     metadata = {'rosbag2_bagfile_information': {'relative_file_paths': names, 'message_count': 1800}}
     (folder / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
     record = read_imu(folder)
-    assert 1300 < len(record) < 1600 and [advice.code for advice in record.advice] == ['damaged-bag', 'incomplete-bag']
+    assert 1300 < len(record) < 1600 and [advice.code for advice in record.advice] == [
+        'damaged-bag',
+        'incomplete-record',
+    ]
     assert f'lacks {1800 - len(record)} of the 1800' in record.advice[1].message
 
 
@@ -460,6 +466,7 @@ def test_attitude_of_other_messages_is_read_from_the_topic_chosen(tmp_path, kind
 def test_messages_that_an_index_counts_and_no_reader_finds_are_told(tmp_path):
     counted = SimpleNamespace(topic='/imu', msgcount=5)
     reader = SimpleNamespace(connections=[counted], messages=lambda connections: iter([(counted, 1, b'')] * 3))
-    advice = []
-    assert len(list(bags.intact_messages(tmp_path, [reader], {'/imu'}, advice))) == 3
-    assert [each.code for each in advice] == ['incomplete-bag'] and '2 of the 5 messages' in advice[0].message
+    losses = []
+    assert len(list(bags.intact_messages(tmp_path, [reader], {'/imu'}, losses))) == 3
+    assert [each.code for each in losses] == ['incomplete-record']
+    assert '2 of the 5 messages' in in_words(losses, tmp_path)[0].message

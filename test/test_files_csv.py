@@ -101,8 +101,7 @@ def test_cut_off_last_line_repeated_head_and_line_numbers_across_blocks(tmp_path
     text = lines('time_s,roll_rad,pitch_rad', TIME, ROLL, ROLL)
     trial = read_csv(written(tmp_path, text + '# again\ntime_s,roll_rad,pitch_rad\n2.0,0.1'))
     assert trial.time[-1] == 2.0 and trial.roll[-1] == 0.1 and np.isnan(trial.pitch[-1])
-    assert codes(trial) == ['text-in-numbers', 'short-rows', 'empty-rows', 'missing-values']
-    assert 'line 23' in trial.advice[0].message and 'line 24' in trial.advice[1].message
+    assert codes(trial) == ['short-rows', 'missing-values'] and 'line 24' in trial.advice[0].message
     monkeypatch.setattr(text_tables, 'BLOCK_BYTES', 64)
     rows = lines('time_s,roll_rad', TIME, ROLL).splitlines()
     rows[15] = f'{TIME[14]},broken'

@@ -147,8 +147,9 @@ def test_a_truncated_file_is_one_sentence(tmp_path, name, capsys):
     whole = path.read_bytes()
     for share in (0.001, 0.02, 0.1, 0.3, 0.6, 0.9, 0.99):
         path.write_bytes(whole[: int(share * len(whole))])
-        if name == 'a.lvm' and share > 0.05:  # a text keeps its lines
-            assert 0 < read_trial(path).time.size < TIME.size
+        if name in ('a.lvm', 'a.outb') and share > 0.05:  # these keep their rows
+            trial = read_trial(path)
+            assert 0 < trial.time.size < TIME.size and f'of the {TIME.size} rows' in str(trial.advice)
             continue
         assert main(['inspect', str(path)]) == 2
         said = capsys.readouterr().err
@@ -321,10 +322,10 @@ def test_sentences_behind_the_time_of_a_logger_and_with_wrong_checksums(tmp_path
     (tmp_path / 'a.txt').write_text('\n'.join(['!AIVDM,1,1,,A,15M,0*00', *lines]))
     trial = read_trial(tmp_path / 'a.txt')
     kept = np.delete(np.arange(TIME.size), np.s_[5::40])
-    assert trial.time - trial.time[0] == pytest.approx(TIME[kept]) and trial.advice[0].code == 'damaged-messages'
+    assert trial.time - trial.time[0] == pytest.approx(TIME[kept]) and trial.advice[0].code == 'damaged-sentences'
     assert np.degrees(trial.roll) == pytest.approx(ROLL[kept], abs=1e-4)
     (tmp_path / 'a.txt').write_text('\n'.join(line.replace('.0*', '.1*') for line in lines[::3]) + '\n' + lines[0])
-    with pytest.raises(InputError, match='134 of 135 sentences of the attitude .99%. have a wrong checksum'):
+    with pytest.raises(InputError, match='134 of 135 sentences of the attitude .99%. are cut or have a wrong checksum'):
         read_trial(tmp_path / 'a.txt')
 
 

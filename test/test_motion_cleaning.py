@@ -131,7 +131,7 @@ def test_absurd_values_become_missing():
     assert channels['roll'][5] == 3.2, 'the input is not written to'
     assert codes(advice) == ['absurd-values', 'missing-values']
     assert (
-        'roll: 1 of 100, roll_rate: 1 of 100, pitch: 1 of 100, accel_z: 1 of 100, gyro_z: 1 of 100' in advice[0].message
+        'roll: 1 of 100, roll_rate: 1 of 99, pitch: 1 of 100, accel_z: 1 of 100, gyro_z: 1 of 100' in advice[0].message
     )
 
 

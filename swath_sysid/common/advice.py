@@ -17,7 +17,7 @@ for _, _wing in tables_of_wings('sentences.yaml'):
         _TABLES[_name] |= _sentences
 
 SENTENCES = _TABLES['sentences']
-FLAGS = _TABLES['flags']
+REFUSALS, FLAGS = _TABLES['refusals'], _TABLES['flags']
 
 
 @dataclass(frozen=True)

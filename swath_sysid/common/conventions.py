@@ -17,6 +17,7 @@ LEVELS = REJECTED, DOUBTFUL, ADEQUATE = 'rejected', 'doubtful', 'adequate'  #: O
 
 
 LOST_SHARE = 0.05  #: Of the rows or values of a record, from which what is lost for one cause makes it no record.
+MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify, and are no share of a record.
 
 NEGLIGIBLE = 1e-3  #: A share that is as good as nothing.
 ROUNDING = 1e-9  #: What is smaller, in its unit, is zero but for rounding.

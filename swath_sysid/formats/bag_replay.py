@@ -9,7 +9,7 @@ from typing import Any
 from rosbags.interfaces import QosDurability
 
 from swath_sysid.attitude.motion.intake import NANOSECOND
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.account import Loss
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import intact_messages
 from swath_sysid.formats.output_bag import is_output
@@ -82,14 +82,14 @@ def chosen_topics(recorded: Mapping[str, RecordedTopic], asked: Sequence[str]) -
 
 
 def merged_messages(
-    path: str | Path, readers: Sequence[Any], topics: Collection[str], advice: list[Advice]
+    path: str | Path, readers: Sequence[Any], topics: Collection[str], losses: list[Loss]
 ) -> Iterator[tuple[int, str, bytes]]:
-    """The messages of some topics in the order of recording: time of reception, ns, topic, serialised message. Advice
-    reports what is damaged.
+    """The messages of some topics in the order of recording: time of reception, ns, topic, serialised message. What
+    cannot be read joins the losses.
     """
 
     def stream(number: int) -> Iterator[tuple[int, int, str, bytes]]:
-        for connection, received, raw in intact_messages(path, [readers[number]], topics, advice):
+        for connection, received, raw in intact_messages(path, [readers[number]], topics, losses):
             yield received, number, connection.topic, bytes(raw)
 
     streams = [stream(number) for number in range(len(readers))]

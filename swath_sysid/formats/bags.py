@@ -24,6 +24,7 @@ from swath_sysid.attitude.motion.attitude import FrameTree, Installation, body_r
 from swath_sysid.attitude.motion.cleaning import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.common.account import Loss, in_words, shortage
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import BLOCK_BYTES, existing, reading
@@ -40,7 +41,7 @@ from swath_sysid.formats.messages import (
 )
 from swath_sysid.formats.output_bag import STORAGES, writing_bag
 from swath_sysid.formats.registry import BAGS
-from swath_sysid.formats.text_tables import NamedColumns
+from swath_sysid.formats.text_tables import Losses, NamedColumns, damage
 from swath_sysid.formats.topics import (
     CRAFT_FRAME,
     DIAGNOSTICS_TOPIC,
@@ -145,13 +146,13 @@ def read_imu(path: str | Path, topic: str | None = None, device: str | None = No
     where several send on the topic. The intact part of a truncated bag is read, with advice.
     """
     path = Path(path)
-    with opened_bag(path) as (readers, advice):
-        if advice and IMU not in {c.msgtype for reader in readers for c in reader.connections}:
+    with opened_bag(path) as (readers, losses):
+        if losses and IMU not in {c.msgtype for reader in readers for c in reader.connections}:
             raise InputError(f'{path} is damaged and nothing of an IMU topic is left in it: record it again')
         topic = chosen_topic(path, readers, IMU, topic, 'several-imu-topics')
         decoder, tree, told = _ImuDecoder(), dict[str, tuple](), None
         static = {c.topic for reader in readers for c in reader.connections if c.topic.endswith(STATIC_FRAMES)}
-        for connection, time_ns, raw in intact_messages(path, readers, {topic, DIAGNOSTICS_TOPIC, *static}, advice):
+        for connection, time_ns, raw in intact_messages(path, readers, {topic, DIAGNOSTICS_TOPIC, *static}, losses):
             if connection.msgtype == IMU:
                 decoder.add(time_ns, raw)
             elif connection.msgtype == TRANSFORMS or isinstance(raw, bytes) and MOUNTING.encode() in raw:
@@ -167,11 +168,11 @@ def read_imu(path: str | Path, topic: str | None = None, device: str | None = No
                     # before its transforms come, the nodes state none
                     told = now if now and (now.mounting or told is None) else told
     stamps, received, values, frames = decoder.arrays()
+    losses.append(Loss('damaged-messages', decoder.damaged, decoder.damaged + stamps.size))
+    advice = [*in_words(losses, path)]
     if not stamps.size:
         problem = f' ({advice[-1].message})' if advice else ''
         raise InputError(f'{path} holds no readable message on {topic}{problem}: record it again')
-    if decoder.damaged:
-        advice.append(Advice.of('damaged-messages', path=path, number=decoder.damaged))
     order = np.argsort(received, kind='stable')
     if np.any(np.diff(order) != 1):
         stamps, received, values, frames = (each[order] for each in (stamps, received, values, frames))
@@ -202,19 +203,24 @@ def attitude_table(path: str | Path, topic: str) -> NamedColumns | None:
     columns, place = ATTITUDES[kinds[name]]
     fields = attrgetter(*(place + field for field in columns.values()))
 
-    def read(places: Sequence[int], _: Any) -> tuple[np.ndarray, tuple[Advice, ...]]:
-        rows, stamps = [], []
-        with opened_bag(path) as (readers, advice):
-            for connection, arrival, raw in intact_messages(path, readers, (name,), advice):
-                message = typestore().deserialize_cdr(raw, connection.msgtype)
+    def read(places: Sequence[int], _: Any) -> tuple[np.ndarray, Losses]:
+        rows, stamps, damaged = [], [], 0
+        with opened_bag(path) as (readers, losses):
+            for connection, arrival, raw in intact_messages(path, readers, (name,), losses):
+                try:
+                    message = typestore().deserialize_cdr(raw, connection.msgtype)
+                except Exception:  # the library raises whatever a broken byte leads it to; counted below
+                    damaged += 1
+                    continue
                 rows.append(fields(message))
                 stamps.append((stamp_of(message) or 0, arrival))
+        losses.append(Loss('damaged-messages', damaged, damaged + len(rows)))
         sent, received = np.array(stamps, dtype=np.int64).reshape(-1, 2).T
         if not np.any(np.diff(sent)):
             sent = received
-            advice.append(Advice.of('no-header-stamps', topic=name))
+            losses.append(Loss('no-header-stamps', said={'topic': name}))
         time = (sent - sent[:1]) / SECOND_NS
-        return np.vstack([time, np.reshape(rows, (-1, len(columns))).T])[list(places)], tuple(advice)
+        return np.vstack([time, np.reshape(rows, (-1, len(columns))).T])[list(places)], tuple(losses)
 
     return NamedColumns(('time_s', *columns), read, name=name)
 
@@ -314,14 +320,14 @@ def _imu_layout(encoding: bytes, name_length: bytes, size: int) -> np.dtype | No
 
 
 @contextmanager
-def opened_bag(path: str | Path) -> Iterator[tuple[list[Any], list[Advice]]]:
-    """The open readers of a bag folder or storage file, in recording order, and advice about damage."""
+def opened_bag(path: str | Path) -> Iterator[tuple[list[Any], list[Loss]]]:
+    """The open readers of a bag folder or storage file, in recording order, and what cannot be read of it."""
     with ExitStack() as stack:
         found = existing(path)
         yield (_open_folder if found.is_dir() else _open_storage)(found, stack)
 
 
-def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]:
+def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Loss]]:
     files, expected, problem = _storage_files(path), 0, 'its metadata.yaml is missing'
     if (path / METADATA_FILE).is_file():
         try:
@@ -341,20 +347,18 @@ def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]
         raise InputError(f'{path} holds several bags ({", ".join(names)}): give one of them')
     if not files:
         raise InputError(f'{path} is no readable rosbag2 bag ({problem}): give a bag folder, or a .mcap or .db3 file')
-    readers, advice = [], [Advice.of('damaged-bag', path=path, reason=problem)] if problem else []
+    readers, losses = [], [*damage(problem)]
     for file in files:
         try:
             opened, more = _open_storage(file, stack)
         except InputError as error:
-            opened, more = [], [Advice('damaged-bag', str(error))]
+            opened, more = [], [Loss('unreadable-file', said={'problem': str(error)})]
         readers += opened
-        advice += more
+        losses += more
     if not readers:
-        raise InputError(advice[-1].message)
-    lost = expected - sum(c.msgcount for reader in readers for c in reader.connections)
-    if lost > 0:
-        advice.append(Advice.of('incomplete-bag', path=path, lost=lost, expected=expected, share=lost / expected))
-    return readers, advice
+        raise InputError(in_words(losses, path)[-1].message)
+    there = sum(c.msgcount for reader in readers for c in reader.connections)
+    return readers, [*losses, *shortage(expected, there, 'its metadata.yaml', 'messages')]
 
 
 class _Schemas(dict):
@@ -395,7 +399,7 @@ class _Storage:
             yield connection, time_ns, zstd.decompress(raw) if is_packed else raw
 
 
-def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]]:
+def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Loss]]:
     file, kind = path, None
     try:
         with reading(path):
@@ -403,8 +407,8 @@ def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]
             kind = _storage_kind(file)
             if kind is None:
                 raise InputError(f'{path} is neither an mcap nor a SQLite file: give a rosbag2 bag')
-            if kind == '.mcap' and (damage := damage_of(file)):
-                raise ValueError(damage)
+            if kind == '.mcap' and (wrong := damage_of(file)):
+                raise ValueError(wrong)
             if kind == '.mcap' and not is_ros2(file):
                 plain = _temporary(stack)
                 copy_whole_records(file, plain)
@@ -417,7 +421,7 @@ def _open_storage(path: Path, stack: ExitStack) -> tuple[list[Any], list[Advice]
     try:
         mended = _temporary(stack)
         (copy_whole_records if kind == '.mcap' else _copy_readable_rows)(file, mended)
-        return [_Storage(mended, str(kind), stack)], [Advice.of('damaged-bag', path=path, reason=reason)]
+        return [_Storage(mended, str(kind), stack)], [*damage(reason, source=path)]
     except Exception as error:  # as above
         raise InputError(f'{path} is damaged beyond reading ({_reason(mended, error)}): record it again') from error
 
@@ -511,9 +515,9 @@ def chosen_topic(path: str | Path, readers: Sequence[Any], kind: str, given: str
 
 
 def intact_messages(
-    path: str | Path, readers: Sequence[Any], topics: Collection[str], advice: list[Advice]
+    path: str | Path, readers: Sequence[Any], topics: Collection[str], losses: list[Loss]
 ) -> Iterator[tuple[Any, int, bytes]]:
-    """Connection, time of reception, ns, and bytes of the messages of topics; advice reports what is damaged."""
+    """Connection, time of reception, ns, and bytes of the messages of topics; what cannot be read joins the losses."""
     for reader in readers:
         connections = [c for c in reader.connections if c.topic in topics]
         read = 0
@@ -521,15 +525,10 @@ def intact_messages(
             for message in reader.messages(connections) if connections else ():
                 read += 1
                 yield message
-            expected = sum(c.msgcount for c in connections)
-            if read < expected:
-                lost = expected - read
-                advice.append(
-                    Advice.of('incomplete-bag', path=path, lost=lost, expected=expected, share=lost / expected)
-                )
+            losses += shortage(sum(c.msgcount for c in connections), read, 'its index', 'messages')
         except Exception as error:  # the libraries raise whatever a broken byte leads them to
             reason = f'{_reason(path, error)} after {read} of {sum(c.msgcount for c in connections)} messages'
-            advice.append(Advice.of('damaged-bag', path=path, reason=reason))
+            losses += damage(reason)
 
 
 def _reason(path: str | Path, error: object) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from swath_sysid.common.account import Loss, in_words
 from swath_sysid.common.advice import Advice, did_you_mean
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.clocks import Clock, Clocks, Column, chosen, clock_of, clocks_of, with_unit_by_size
@@ -152,7 +153,8 @@ def read_table(
         (match,) = matches
         times = [column for columns in match.clocks for column in columns]
         columns = [*times, *match.columns]
-        values, advice = match.table.read([column.index for column in columns if column.index is not None], progress)
+        values, losses = match.table.read([column.index for column in columns if column.index is not None], progress)
+        advice = in_words([*losses, *_left_out(match, quantities, tables)], path)
     if times[0].index is None:
         values = np.vstack([np.arange(values.shape[1]), values])
     clock, clock_advice = _clock(path, match, values)
@@ -176,6 +178,18 @@ def read_table(
     understood = '; '.join(filter(None, (match.table.place, understood)))
     values = values if len(read) == len(values) else values[read]
     return Table(path, match.table.remarks, clock, tuple(columns), values, advice, understood)
+
+
+def _left_out(match: _Match, quantities: Iterable[Quantity], tables: Sequence[NamedColumns]) -> list[Loss]:
+    """The columns of other tables that hold what this one does not."""
+    read = {column.reading for column in match.columns}
+    names = [
+        f'{table.name}/{table.names[place]}'.lstrip('/')
+        for table in tables
+        for place, (reading, _) in matched(plain_names(table.names, table.name), quantities).items()
+        if table is not match.table and reading not in read
+    ]
+    return [Loss('columns-left-out', said={'columns': listed_names(names)})] if names else []
 
 
 def _of_device(path: str | Path, tables: Sequence[NamedColumns], device: str | None) -> Sequence[NamedColumns]:

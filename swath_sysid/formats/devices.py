@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from swath_sysid.attitude.motion.cleaning import MIN_ROWS
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.account import Loss
 from swath_sysid.formats.cells import number_of
 from swath_sysid.formats.clocks import clocks_of
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, kind_of_cell
@@ -97,11 +97,12 @@ def long_form(path: str | Path) -> list[NamedColumns]:
         return []
     plain = [plain_name(name) for name in head.names]
     sample = list(islice((cells for cells in rows_of(path, head) if _is_whole(cells, head)), ROWS_OF_SAMPLE))
-    texts = [place for place in range(len(plain)) if any(kind_of_cell(cells[place]) == 'text' for cells in sample)]
+    value = next(place for place, name in enumerate(plain) if name in VALUE_NAMES)
+    kinds = [[kind_of_cell(cells[place]) for cells in sample] for place in range(len(plain))]
+    texts = [place for place, column in enumerate(kinds) if 'text' in column and place != value]
     fields = [place for place in texts if any(is_motion(cells[place]) for cells in sample)]
     fields += [plain.index(name) for name in FIELD_NAMES if name in plain and plain.index(name) in texts]
-    value = next(place for place, name in enumerate(plain) if name in VALUE_NAMES)
-    if not fields or value in texts:
+    if not fields or kinds[value].count('text') > 0.5 * len(sample):
         return []
     check_size(path, os.path.getsize(path))
     return list(_pivoted(path, head, value, fields[0], texts))
@@ -113,12 +114,11 @@ def _is_whole(cells: Sequence[str], head: TableHead) -> bool:
 
 
 def _pivoted(path: str | Path, head: TableHead, value: int, field: int, texts: Sequence[int]) -> Iterator[NamedColumns]:
-    every = list(rows_of(path, head))
-    rows = [cells for cells in every if _is_whole(cells, head)]
-    short = np.flatnonzero([len(cells) != len(head.names) for cells in every])
-    advice = tuple(
-        Advice.of('rows-of-other-width', number=short.size, line=head.first_line + at) for at in short[:1].tolist()
-    )
+    every = list(enumerate(rows_of(path, head), head.first_line))
+    lines = [line for line, cells in every if _is_whole(cells, head)]
+    rows = [cells for _, cells in every if _is_whole(cells, head)]
+    short = [line for line, cells in every if len(cells) != len(head.names)]
+    losses = tuple(Loss('rows-of-other-width', len(short), said={'line': line}) for line in short[:1])
     unit = next((place for place in texts if plain_name(head.names[place]) in ('unit', 'units')), None)
     names = [with_unit(cells[field], cells[unit]) if unit is not None else cells[field] for cells in rows]
     tags = [place for place in texts if place not in (field, unit)]
@@ -134,22 +134,17 @@ def _pivoted(path: str | Path, head: TableHead, value: int, field: int, texts: S
         fields = tuple(dict.fromkeys(names[at] for at in own))
         check_size(path, len(fields) * len(own))
         columns = {head.names[place]: np.array([number(rows[at][place]) for at in own]) for place in shared}
+        kinds = {at: head.kinds[place] for at, place in enumerate(shared) if place in head.kinds}
+        timed = replace(of_arrays(columns, {}, ''), kinds=kinds)
+        clock = next(iter(clocks_of([plain_name(name) for name in timed.names], timed)), ())
+        order = np.lexsort([columns[column.name] for column in reversed(clock)] or [np.arange(len(own))])
         place_of = {name: place for place, name in enumerate(fields)}
-        block = np.full((len(fields), len(own)), np.nan)
-        block[[place_of[names[at]] for at in own], np.arange(len(own))] = [number_of(rows[at][value]) for at in own]
+        block = np.full((len(fields), len(own)), None, dtype=object)
+        block[[place_of[names[at]] for at in own], np.arange(len(own))] = [rows[at][value] for at in own]
         columns |= dict(zip(fields, block, strict=True))
-        table = replace(
-            of_arrays(columns, head.remarks, device),
-            kinds={at: head.kinds[place] for at, place in enumerate(shared) if place in head.kinds},
+        columns = {name: cells[order] for name, cells in columns.items()}
+        yield replace(
+            of_arrays(columns, head.remarks, device, losses, [lines[own[at]] for at in order]),
+            kinds=kinds,
             place=', '.join(filter(None, (head.place, f"one value a row, named by '{head.names[field]}'"))),
         )
-        yield _in_time(table, columns, advice)
-
-
-def _in_time(table: NamedColumns, columns: dict[str, np.ndarray], advice: tuple[Advice, ...]) -> NamedColumns:
-    """A table with its rows in the order of its time."""
-    clock = next(iter(clocks_of([plain_name(name) for name in table.names], table)), ())
-    keys = [columns[column.name] for column in reversed(clock)]
-    arrays = np.stack(list(columns.values()))
-    arrays = arrays[:, np.lexsort(keys)] if keys else arrays
-    return replace(table, read=lambda places, _: (arrays[list(places)], advice))

@@ -9,6 +9,7 @@ import numpy as np
 from swath_sysid.attitude.motion.attitude import Installation, tilt_angles
 from swath_sysid.attitude.motion.cleaning import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.common.account import in_words
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import reading
 from swath_sysid.formats.text_tables import Progress, read_columns, read_head
@@ -57,14 +58,16 @@ def read_mti(
                     f'{path} holds no {kind}: looked for {", ".join(sought)}, found {listed_names(head.names)}; export '
                     'one of them in MT Manager'
                 )
-        values, advice = read_columns(path, head, [head.names.index(name) for name in wanted], progress)
+        values, losses = read_columns(path, head, [head.names.index(name) for name in wanted], progress)
     columns = dict(zip(wanted, values, strict=True))
     readings = {reading: columns[name] for name, reading in READINGS.items() if name in columns}
     readings |= {angle: np.radians(readings[angle]) for angle in ('roll', 'pitch', 'yaw') if angle in readings}
     if 'roll' not in readings and all(name in columns for name in MATRIX_LAST_ROW):
         readings['roll'], readings['pitch'] = tilt_angles(*(columns[name] for name in MATRIX_LAST_ROW))
     time = _time(path, columns, head.remarks)
-    return assemble_trial(time, readings, Installation(frame or 'flu', mounting), source=str(path), advice=advice)
+    return assemble_trial(
+        time, readings, Installation(frame or 'flu', mounting), source=str(path), advice=in_words(losses, path)
+    )
 
 
 def _time(path: str | Path, columns: dict[str, np.ndarray], remarks: dict[str, str]) -> np.ndarray:

@@ -13,13 +13,12 @@ from struct import Struct
 
 import numpy as np
 
-from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.devices import by_device, long_form
 from swath_sysid.formats.files import LONGEST_SHOWN, shown
 from swath_sysid.formats.registry import FOREIGN, TANK, TANK_ENDINGS, TankFormat
 from swath_sysid.formats.table_heads import Row
-from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, read_columns, read_head
+from swath_sysid.formats.text_tables import Losses, NamedColumns, Progress, Read, read_columns, read_head
 
 #: A sentence, with the time at which a logger received it.
 NMEA = re.compile(rb'^[^$!,\0\n]*[\s,;]?[$!][A-Z]{4,5},', re.MULTILINE)
@@ -92,7 +91,7 @@ def known_by_name(path: str | Path) -> Iterator[None]:
 
 def _read(
     path: str | Path, kind: TankFormat, read: Read, places: Sequence[int], progress: Progress | None
-) -> tuple[np.ndarray, tuple[Advice, ...]]:
+) -> tuple[np.ndarray, Losses]:
     with _guarded(path, kind):
         return read(places, progress)
 

@@ -2,6 +2,7 @@
 
 import io
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate, pairwise
@@ -10,19 +11,20 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.account import Loss
 from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.cells import GROUPED, MISSING, known_number, marks_of, plain_text, seconds_of_text
+from swath_sysid.formats.cells import GROUPED, MISSING, known_number, marks_of, numbers_of, plain_text, seconds_of_text
 from swath_sysid.formats.files import BLOCK_BYTES, replacing, shown
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, balance, kind_of_cell, locate
-from swath_sysid.formats.vocabulary import INTERVALS, RATES, VALUE_NAMES, plain_name
+from swath_sysid.formats.vocabulary import INTERVALS, RATES, UNIT_IN_BRACKETS, VALUE_NAMES, plain_name
 
 LARGEST_UNPACKED = 1 << 28  #: Numbers, or bytes of text, in one packed file, whatever its own size.
 
 Progress = Callable[[float], None]  #: Takes the share done, 0 to 1.
-#: From the places of columns to their values, (columns, N), and advice; dates become seconds since 1970.
-Read = Callable[[Sequence[int], Progress | None], tuple[np.ndarray, tuple[Advice, ...]]]
+Losses = tuple[Loss, ...]
+#: From the places of columns to their values, (columns, N), and what is lost of them; dates become seconds since 1970.
+Read = Callable[[Sequence[int], Progress | None], tuple[np.ndarray, Losses]]
 
 
 @dataclass(frozen=True)
@@ -39,27 +41,57 @@ class NamedColumns:
     place: str = ''  #: Where it was found and how it is written, where that is unusual.
 
 
-def of_arrays(columns: Mapping[str, np.ndarray], remarks: Mapping[str, str], name: str) -> NamedColumns:
-    """A table of vectors in memory, each (N,)."""
-    arrays = list(columns.values())
-    return NamedColumns(
-        tuple(columns), lambda places, _: (np.stack([arrays[k] for k in places]), ()), dict(remarks), name=name
-    )
+def of_arrays(
+    columns: Mapping[str, np.ndarray],
+    remarks: Mapping[str, str],
+    name: str,
+    losses: Losses = (),
+    lines: Sequence[int] = range(1, LARGEST_UNPACKED),
+) -> NamedColumns:
+    """A table of vectors in memory, each (N,), of numbers or of texts that hold some, which stand in those lines."""
+    names, arrays = tuple(columns), list(columns.values())
+
+    def read(places: Sequence[int], _: Progress | None) -> tuple[np.ndarray, Losses]:
+        values, found = numbers_in([names[k] for k in places], [arrays[k] for k in places], lines)
+        return values, (*found, *losses)
+
+    kinds = {k: kind_of_cell(each[0]) for k, each in enumerate(arrays) if each.dtype.kind in 'OUS'}
+    return NamedColumns(names, read, dict(remarks), {k: kind for k, kind in kinds.items() if kind in DATED}, name)
 
 
-def with_advice(table: NamedColumns, advice: tuple[Advice, ...]) -> NamedColumns:
-    """A table whose reading gives further advice."""
+def with_losses(table: NamedColumns, losses: Losses) -> NamedColumns:
+    """A table whose reading has further losses."""
 
-    def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, tuple[Advice, ...]]:
+    def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, Losses]:
         values, found = table.read(places, progress)
-        return values, (*found, *advice)
+        return values, (*found, *losses)
 
     return replace(table, read=read)
 
 
-def damage_advice(path: str | Path, said: str) -> tuple[Advice, ...]:
+def damage(said: str, **where: object) -> Losses:
     """What a library says of the parts of a file that it passes over; nothing where it is silent."""
-    return (Advice.of('damaged-bag', path=path, reason=shown(said)),) if said.strip() else ()
+    return (Loss('damaged-bag', said={'reason': said, **where}),) if said.strip() else ()
+
+
+def numbers_in(
+    names: Sequence[str], columns: Sequence[Any], lines: Sequence[int] = range(1, LARGEST_UNPACKED)
+) -> tuple[np.ndarray, Losses]:
+    """Columns of cells of any kind as numbers, and the texts among them, by the lines of the rows."""
+    values = np.stack([numbers_of(cells) for cells in columns])
+    losses: list[Loss] = []
+    for name, cells, row in zip(names, columns, values, strict=True):
+        if np.asarray(cells).dtype.kind in 'OUS':
+            texts = [at for at in np.flatnonzero(np.isnan(row)).tolist() if kind_of_cell(cells[at]) == 'text']
+            known = int(np.count_nonzero(np.isfinite(row)))
+            losses += [texts_lost(name, len(texts), known, lines[at], str(cells[at])) for at in texts[:1]]
+    return values, tuple(losses)
+
+
+def texts_lost(name: str, number: int, known: int, line: int, cell: str) -> Loss:
+    """The cells of a column that are no numbers, beside those that are, with the line and the text of the first."""
+    said = {'cell': shown(cell), 'line': line, 'column': shown(name)}
+    return Loss('text-in-numbers', number, number + known, f"cells of '{shown(name)}'", said)
 
 
 def check_size(path: str | Path, unpacked: int) -> None:
@@ -79,6 +111,7 @@ def by_length(columns: Iterable[tuple[str, np.ndarray]]) -> list[dict[str, np.nd
     return list(groups.values())
 
 
+DATED = ('date', 'day', 'clock')  #: Kinds of cells that tell a time.
 COMMENT_MARKS = ('#', '//', '%')  #: A line that begins with one of these is a comment.
 UTF16_MARKS = {b'\xff\xfe': 'utf-16-le', b'\xfe\xff': 'utf-16-be'}
 
@@ -201,8 +234,8 @@ def read_long_head(path: str | Path) -> TableHead | None:
 
 def read_columns(
     path: str | Path, head: TableHead, indices: Sequence[int], progress: Progress | None = None
-) -> tuple[np.ndarray, tuple[Advice, ...]]:
-    """Columns by their places from 0, shape (len(indices), N), and advice on text and short rows, which become NaN.
+) -> tuple[np.ndarray, Losses]:
+    """Columns by their places from 0, shape (len(indices), N), with NaN for text and in short rows, and what is lost.
     Dates become seconds since 1970; one without a zone counts as UTC.
     """
     parser = BlockParser(head, tuple(indices))
@@ -216,7 +249,7 @@ def read_columns(
             parser.parse(block + rest)
             if progress is not None:
                 progress(file.tell() / size)
-    return parser.columns(), parser.advice()
+    return parser.columns(), parser.losses()
 
 
 def rows_of(path: str | Path, head: TableHead) -> Iterator[list[str]]:
@@ -249,10 +282,10 @@ class BlockParser:
         self.readers: Readers = {index: self.dates.get(index, known_number) for index in indices}
         self.blocks = [np.empty((len(indices), 0))]
         self.line = head.first_line
-        self.text_cells: dict[int, int] = {}  #: By place, in rows that hold a number.
-        self.first_text: dict[int, tuple[int, str]] = {}  #: Line and cell, by place.
-        self.short_rows = 0
-        self.first_short: int | None = None
+        self.widest = 0  #: Cells of a row, as most have them or as there are names.
+        self.wide: list[tuple[int, int]] = []  #: Row from 0 and line of those with more cells.
+        self.text_cells: dict[int, list[tuple[int, str]]] = {}  #: Line and cell, by place.
+        self.short: list[int] = []  #: Lines.
         self.zeros = 0
 
     def parse(self, block: bytes) -> None:
@@ -261,38 +294,34 @@ class BlockParser:
             # with the line that was being written
             block = b'\n'.join(b'' if b'\0' in line else line for line in block.split(b'\n'))
         lines = self.plain(block).split('\n')
+        widths = [len(line.split(self.head.delimiter)) for line in lines]
+        self.widest = self.widest or max(len(self.head.names), Counter(widths).most_common(1)[0][0])
         try:
-            rows = self._parse_fast(lines)
+            rows = self._parse_fast(lines) if max(widths) <= self.widest else self._parse_cells(lines)
         except ValueError:
             rows = self._parse_cells(lines)
         self.blocks.append(rows.T)
         self.line += len(lines) - (not lines[-1])
 
     def columns(self) -> np.ndarray:
-        return np.concatenate(self.blocks, axis=1)
+        values = np.concatenate(self.blocks, axis=1)
+        return np.delete(values, [row for row, _ in self._joined()], axis=1)
 
-    def advice(self) -> tuple[Advice, ...]:
-        """What was lost; a column of numbers of which a large share is text is refused."""
-        advice = []
-        for place, index in enumerate(self.indices if self.text_cells else ()):
-            number = sum(int(np.count_nonzero(np.isfinite(block[place]))) for block in self.blocks)
-            lost = self.text_cells.get(index, 0)
-            if number and lost > LOST_SHARE * (lost + number):
-                line, cell = self.first_text[index]
-                raise InputError(
-                    f"{self.head.path}: {lost / (lost + number):.0%} of the cells of '{shown(self.head.names[index])}' "
-                    f"are not numbers, the first '{shown(cell)}' in line {line}: leave such cells empty, or export it "
-                    'again'
-                )
-        if self.first_text:
-            (line, cell), index = min((said, index) for index, said in self.first_text.items())
-            lost, name = sum(self.text_cells.values()), shown(self.head.names[index])
-            advice.append(Advice.of('text-in-numbers', number=lost, cell=shown(cell), line=line, column=name))
-        if self.short_rows:
-            advice.append(Advice.of('short-rows', number=self.short_rows, line=self.first_short))
-        if self.zeros:
-            advice.append(Advice.of('zero-bytes', number=self.zeros))
-        return tuple(advice)
+    def losses(self) -> Losses:
+        """What is not in the columns."""
+        losses: list[Loss] = []
+        for index, cells in sorted(self.text_cells.items(), key=lambda each: each[1]):
+            place = self.indices.index(index)
+            known = sum(int(np.count_nonzero(np.isfinite(block[place]))) for block in self.blocks)
+            losses.append(texts_lost(self.head.names[index], len(cells), known, *cells[0]))
+        for code, lines in (('rows-of-other-width', [line for _, line in self._joined()]), ('short-rows', self.short)):
+            losses += [Loss(code, len(lines), said={'line': line}) for line in lines[:1]]
+        return (*losses, *[Loss('zero-bytes', self.zeros)] * (self.zeros > 0))
+
+    def _joined(self) -> list[tuple[int, int]]:
+        """The rows with more cells than others, as of two lines in one; where they are no exception, none."""
+        is_rare = len(self.wide) <= LOST_SHARE * sum(block.shape[1] for block in self.blocks)
+        return self.wide if is_rare else []
 
     def plain(self, block: bytes) -> str:
         """A block as text, its numbers with decimal points."""
@@ -303,8 +332,8 @@ class BlockParser:
         if '\r' in text:
             text = text.replace('\r\n', '\n').replace('\r', '\n')
         if '"' in text:
-            if self.head.delimiter == ',':
-                text = QUOTED.sub(lambda cell: cell[1].replace(',', '.'), text)
+            if between := self.head.delimiter:
+                text = QUOTED.sub(lambda cell: cell[1].replace(between, '.'), text)
             text = text.replace('"', '')
         return plain_text(text, self.head.decimal_comma, self.head.thousands)
 
@@ -322,8 +351,8 @@ class BlockParser:
         )
 
     def _parse_cells(self, lines: Sequence[str]) -> np.ndarray:
-        rows = []
-        needed = max(self.indices) + 1
+        rows: list[list[float]] = []
+        needed, read = max(self.indices) + 1, sum(block.shape[1] for block in self.blocks)
         for number, line in enumerate(lines, self.line):
             cells = line.split(self.head.delimiter)
             is_comment = line.lstrip().startswith(COMMENT_MARKS) and cells[0].strip().lower() not in MISSING
@@ -332,17 +361,29 @@ class BlockParser:
             if len(cells) < needed:
                 cells += [''] * (needed - len(cells))
                 if any(cells[index].strip() for index in self.indices):  # else it is empty, or of another device
-                    self.short_rows += 1
-                    self.first_short = self.first_short or number
+                    self.short.append(number)
+            elif self._is_header([cells[index] for index in self.indices], number):
+                continue
+            elif len(cells) > self.widest:
+                self.wide.append((read + len(rows), number))
             rows.append([self._number(cells[index], number, index) for index in self.indices])
         return np.array(rows, dtype=float).reshape(-1, len(self.indices))
+
+    def _is_header(self, cells: Sequence[str], line: int) -> bool:
+        """Whether a row repeats the names; where they stand at other places the table is refused."""
+        names = [UNIT_IN_BRACKETS.sub('', name) for name in self.head.names]
+        said = [UNIT_IN_BRACKETS.sub('', cell.strip()) for cell in cells]
+        if sum(name in names for name in said) < 2:
+            return False
+        if said != [names[index] for index in self.indices]:
+            raise InputError(f'{self.head.path} has other columns from line {line} on: split it there')
+        return True
 
     def _number(self, cell: str, line: int, index: int) -> float:
         try:
             return self.readers[index](cell)
         except ValueError:
-            self.text_cells[index] = self.text_cells.get(index, 0) + 1
-            self.first_text.setdefault(index, (line, cell.strip()))
+            self.text_cells.setdefault(index, []).append((line, cell.strip()))
             return np.nan
 
 
@@ -443,7 +484,7 @@ def _with_clocks(names: tuple[str, ...], rows: Sequence[Sequence[str]]) -> tuple
     kinds: dict[int, str] = {}
     for row in rows[:ROWS_OF_SAMPLE]:
         for place, cell in enumerate(row):
-            if (kind := kind_of_cell(cell)) in ('date', 'day', 'clock'):
+            if (kind := kind_of_cell(cell)) in DATED:
                 kinds.setdefault(place, kind)
     width = len(rows[0]) if rows else 0
     for place, kind in sorted(kinds.items()):

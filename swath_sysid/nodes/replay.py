@@ -12,6 +12,8 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 
+from swath_sysid.common.account import in_words
+from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bag_replay import ReplaySettings, Timeline, chosen_topics, merged_messages, recorded_topics
 from swath_sysid.formats.bags import opened_bag
@@ -37,7 +39,7 @@ class Replay(Node):
         self.sent = 0
         self._clock_published = -CLOCK_PERIOD
         try:
-            self._readers, self.advice = self._open.enter_context(opened_bag(path))
+            self._readers, self._losses = self._open.enter_context(opened_bag(path))
             recorded = recorded_topics(self._readers)
             self._recorded = chosen_topics(recorded, settings.topics)
             self.left_out = sorted(recorded.keys() - self._recorded.keys())
@@ -54,6 +56,11 @@ class Replay(Node):
         if settings.in_step:
             self.create_subscription(Imu, NEXT_TOPIC, self._on_forecast, NEWEST)
         self._clock_outlet = self.create_publisher(Clock, '/clock', 10) if settings.clock else None
+
+    @property
+    def advice(self) -> tuple[Advice, ...]:
+        """What could not be read of the bag so far."""
+        return in_words(self._losses, self._path)
 
     def destroy_node(self) -> None:
         """Also close the bag."""
@@ -105,7 +112,7 @@ class Replay(Node):
 
     def _play_once(self) -> None:
         timeline: Timeline | None = None
-        for time_ns, topic, raw in merged_messages(self._path, self._readers, self.outlets, self.advice):
+        for time_ns, topic, raw in merged_messages(self._path, self._readers, self.outlets, self._losses):
             timeline = timeline or Timeline(time.monotonic(), time_ns, self._replaying.rate)
             if not self._wait_for(time_ns, timeline):
                 return

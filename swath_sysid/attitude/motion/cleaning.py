@@ -10,11 +10,10 @@ from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.sensor_checks import FROZEN, TILT_CODES, contradictions_in, is_blank
 from swath_sysid.attitude.motion.stamps import GAP_INTERVALS
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
+from swath_sysid.common.account import Loss, in_words
 from swath_sysid.common.advice import Advice, counted
-from swath_sysid.common.conventions import LOST_SHARE, ROUNDING
+from swath_sysid.common.conventions import LOST_SHARE, MIN_ROWS, ROUNDING
 from swath_sysid.common.errors import InputError
-
-MIN_ROWS = 8  #: Fewer rows than this hold no motion to identify.
 
 #: rad, rad, rad/s, m/s^2, m; beyond these a value is a broken packet: MEMS sensors end at 35 rad/s and 16 g.
 LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'acceleration': 200.0, 'heave': 50.0}
@@ -36,11 +35,11 @@ def one_row_per_sample(time: np.ndarray, channels: Channels) -> tuple[np.ndarray
     advice: list[Advice] = []
     filled = np.isfinite(time) | np.any([np.isfinite(values) for values in channels.values()], axis=0)
     if (empty := int(np.count_nonzero(~filled))) and filled.any():
-        advice.append(Advice.of('empty-rows', rows=counted(empty, 'row'), share=empty / time.size))
+        advice += in_words([Loss('empty-rows', empty, time.size)], '')
         time, channels = time[filled], {name: values[filled] for name, values in channels.items()}
     copies = _repeated_samples(np.diff(time, prepend=np.nan) == 0.0, channels)
     if copies.any():
-        advice.append(Advice.of('repeated-samples', rows=counted(int(copies.sum()), 'row'), share=copies.mean()))
+        advice += in_words([Loss('repeated-samples', int(copies.sum()), copies.size)], '')
         sample = np.cumsum(~copies) - 1
         channels = {name: _means(name, values, sample) for name, values in channels.items()}
         time = time[~copies]
@@ -159,9 +158,7 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
     if is_ordered:
         return time, channels, advice
     if rows.size < time.size:
-        cause = 'have no readable time: check the device that wrote it'
-        _refuse_loss(time.size - rows.size, time.size, 'rows', cause, source)
-        advice.append(Advice.of('missing-stamps', rows=counted(time.size - rows.size, 'row')))
+        advice += in_words([Loss('missing-stamps', time.size - rows.size, time.size)], source)
     _refuse_reversed(time[rows], source)
     fresh = np.ones(rows.size, dtype=bool)
     fresh[1:] = np.diff(time[rows]) != 0.0
@@ -180,29 +177,17 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
                 f'{source}: {shared} of {rows.size} rows have the stamp of the previous row, and no even sampling '
                 f'explains it: write the time with more digits'
             )
-    repeated = int(np.count_nonzero(~fresh))
+    advice += in_words([Loss('repeated-stamps', int(np.count_nonzero(~fresh)), rows.size)], source)
     rows = rows[fresh]
-    if repeated:
-        advice.append(Advice.of('repeated-stamps', rows=counted(repeated, 'row')))
     ordered = _longest_increasing(time[rows])
     disordered = int(rows.size - np.count_nonzero(ordered))
     if disordered:
         stepped = np.flatnonzero(np.diff(time[rows]) < 0.0)
         before, after = time[rows][stepped[0]], time[rows][stepped[0] + 1]
-        cause = (
-            f'are out of order: the time steps back {counted(stepped.size, "time")}, first from {before:.6g} to '
-            f'{after:.6g} s. Split the file where its time starts again, or record a time that does not'
-        )
-        _refuse_loss(disordered, rows.size, 'rows', cause, source)
-        advice.append(Advice.of('out-of-order-stamps', rows=counted(disordered, 'row')))
+        said = {'times': counted(stepped.size, 'time'), 'before': before, 'after': after}
+        advice += in_words([Loss('out-of-order-stamps', disordered, rows.size, said=said)], source)
     rows = rows[ordered]
     return time[rows], {name: values[rows] for name, values in channels.items()}, advice
-
-
-def _refuse_loss(lost: int, number: int, what: str, cause: str, source: str) -> None:
-    """Refuse a record of which a large share is lost for one cause."""
-    if LOST_SHARE * number < lost < number and lost >= MIN_ROWS:
-        raise InputError(f'{source}: {lost} of {number} {what} ({lost / number:.0%}) {cause}')
 
 
 def _out_of_bursts(time: np.ndarray, channels: Channels, rows: np.ndarray) -> tuple[np.ndarray, Advice] | None:
@@ -308,12 +293,9 @@ def _without_spikes(time: np.ndarray, channels: Channels, source: str) -> tuple[
     """Roll and pitch without single wrong samples, and advice."""
     angles = [name for name in ('roll', 'pitch') if name in channels]
     spikes: Channels = {name: spikes_in(time, channels[name]) for name in angles}
-    for name, wrong in spikes.items():
-        cause = 'are far from the samples before and after them: look for damaged packets'
-        _refuse_loss(int(wrong.sum()), wrong.size, f'values of {name}', cause, source)
-    counts: dict[str, int] = {name: int(wrong.sum()) for name, wrong in spikes.items()}
-    advice = [Advice.of('wrong-samples', channels=_listed(counts, time.size))] if any(counts.values()) else []
-    return channels | {name: np.where(spikes[name], np.nan, channels[name]) for name in counts if counts[name]}, advice
+    losses = [_lost('wrong-samples', name, wrong) for name, wrong in spikes.items()]
+    kept = {name: np.where(wrong, np.nan, channels[name]) for name, wrong in spikes.items() if wrong.any()}
+    return channels | kept, [*in_words(losses, source)]
 
 
 _windows = np.lib.stride_tricks.sliding_window_view
@@ -374,25 +356,24 @@ def _without_stuck(time: np.ndarray, channels: Channels) -> tuple[Channels, list
 
 def _plausible_channels(channels: Channels, source: str) -> tuple[Channels, list[Advice]]:
     """The channels that hold something, absurd values as NaN, and advice."""
-    plausible: Channels = {}
-    missing, absurd = {}, {}
-    for name, values in channels.items():
-        finite = np.isfinite(values)
-        missing[name] = values.size - int(np.count_nonzero(finite))
-        possible = finite & (np.abs(values) <= limit_of(name))
-        absurd[name] = int(np.count_nonzero(finite & ~possible))
-        if possible.any() and absurd[name]:
-            cause = f'are impossible, up to {np.abs(values[finite]).max():.4g} in SI units: give their true unit'
-            _refuse_loss(absurd[name], int(np.count_nonzero(finite)), f'values of {name}', cause, source)
-        if possible.any():
-            plausible[name] = values if possible.all() else np.where(possible, values, np.nan)
-    size = next((values.size for values in channels.values()), 0)
-    seen = {
-        'absurd-values': _listed(absurd, size),
-        'missing-values': _listed({name: missing[name] for name in plausible}, size),
-        'empty-channel': ', '.join(name for name in channels if name not in plausible),
-    }
-    return plausible, [Advice.of(code, channels=names) for code, names in seen.items() if names]
+    finite = {name: np.isfinite(values) for name, values in channels.items()}
+    with np.errstate(invalid='ignore'):
+        absurd = {name: finite[name] & (np.abs(values) > limit_of(name)) for name, values in channels.items()}
+    held = [name for name in channels if np.any(finite[name] & ~absurd[name])]
+    losses = []
+    for name in held:
+        known = channels[name][finite[name]]
+        losses.append(_lost('absurd-values', name, absurd[name], known.size, largest=np.abs(known).max()))
+    losses += [_lost('missing-values', name, ~finite[name]) for name in held]
+    advice = [*in_words(losses, source)]
+    if empty := ', '.join(name for name in channels if name not in held):
+        advice.append(Advice.of('empty-channel', channels=empty))
+    return {name: np.where(finite[name] & ~absurd[name], channels[name], np.nan) for name in held}, advice
+
+
+def _lost(code: str, name: str, rows: np.ndarray, of: int = 0, **said: object) -> Loss:
+    """The values of a channel that were left out, by a mask of the rows."""
+    return Loss(code, int(np.count_nonzero(rows)), of or rows.size, f'values of {name}', said)
 
 
 def _gap_advice(time: np.ndarray) -> list[Advice]:
@@ -413,10 +394,6 @@ def limit_of(name: str) -> float:
     elif name.startswith('accel_'):
         kind = 'acceleration'
     return LARGEST_VALUES.get(kind, np.inf)
-
-
-def _listed(counts: dict[str, int], size: int) -> str:
-    return ', '.join(f'{name}: {count} of {size}' for name, count in counts.items() if count)
 
 
 QUATERNION = ('quaternion_x', 'quaternion_y', 'quaternion_z', 'quaternion_w')

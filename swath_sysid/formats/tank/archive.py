@@ -13,24 +13,25 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.account import Loss
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.table_files import tables_in
-from swath_sysid.formats.text_tables import NamedColumns, Progress, check_size
+from swath_sysid.formats.text_tables import Losses, NamedColumns, Progress, check_size, with_losses
+from swath_sysid.formats.vocabulary import listed_names
 
 
 def tables(path: str | Path) -> list[NamedColumns]:
-    """Those of every file; files that are none are passed over where another is one."""
+    """Those of every file; files that are none are left out where another is one."""
     with zipfile.ZipFile(path) as archive:
-        members = [each for each in archive.infolist() if each.filename.lower().endswith('.csv')]
+        members = [each for each in archive.infolist() if each.filename.lower().endswith(('.csv', '.txt', '.tsv'))]
     check_size(path, sum(member.file_size for member in members))
-    found, problems = [], []
+    found, problems = [], {}
     for name in (member.filename for member in members):
         try:
             with _unpacked(path, name) as file:
                 inner = tables_in(file)
         except InputError as error:
-            problems.append(error)
+            problems[name] = error
             continue
         own = PurePosixPath(name).with_suffix('')
         found += [
@@ -38,8 +39,9 @@ def tables(path: str | Path) -> list[NamedColumns]:
             for place, each in enumerate(inner)
         ]
     if not found:
-        raise problems[0] if problems else InputError(f'{path} is a zip archive without a CSV file: unpack it')
-    return found
+        raise next(iter(problems.values()), InputError(f'{path} is a zip archive without a CSV file: unpack it'))
+    losses = (Loss('files-left-out', said={'files': listed_names(list(problems))}),) if problems else ()
+    return [with_losses(table, losses) for table in found]
 
 
 @contextmanager
@@ -56,6 +58,6 @@ def _unpacked(path: str | Path, name: str) -> Iterator[Path]:
 
 def _read(
     path: str | Path, name: str, place: int, places: Sequence[int], progress: Progress | None
-) -> tuple[np.ndarray, tuple[Advice, ...]]:
+) -> tuple[np.ndarray, Losses]:
     with _unpacked(path, name) as file:
         return tables_in(file)[place].read(places, progress)

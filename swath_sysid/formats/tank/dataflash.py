@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.text_tables import NamedColumns, check_size, damage_advice, of_arrays, with_advice
+from swath_sysid.formats.files import shown
+from swath_sysid.formats.text_tables import NamedColumns, check_size, damage, of_arrays
 
 #: Fields of the messages, and the columns that they are.
 FIELDS = {
@@ -46,7 +47,7 @@ def tables(path: str | Path) -> list[NamedColumns]:
     _, at = next(sensor, ('', np.nan))
     for column, values in sensor:
         attitude[column] = np.interp(attitude['time_us'], at, values, left=np.nan, right=np.nan)
-    return [with_advice(of_arrays(attitude, {'frame': 'frd'}, ''), damage_advice(path, said.getvalue()))]
+    return [of_arrays(attitude, {'frame': 'frd'}, '', damage(shown(said.getvalue())))]
 
 
 def _field(message: Any, name: str) -> float:

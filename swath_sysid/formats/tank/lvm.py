@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swath_sysid.common.advice import Advice
+from swath_sysid.common.account import shortage
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.cells import seconds_of_text
-from swath_sysid.formats.text_tables import BlockParser, NamedColumns, Progress, TableHead, check_size
+from swath_sysid.formats.text_tables import BlockParser, Losses, NamedColumns, Progress, TableHead, check_size
 from swath_sysid.formats.vocabulary import with_unit
 
 END_OF_HEADER = re.compile(r'^\*\*\*End_of_Header\*\*\*.*\n', re.MULTILINE)
@@ -33,6 +33,7 @@ class Body(NamedTuple):
     start: float  #: s.
     shift: float  #: Of its column of times, s.
     interval: float  #: s; 0 where a column holds the time.
+    samples: int  #: As its header counts them; 0 where it does not.
     numbers: str
 
 
@@ -58,10 +59,10 @@ def tables(path: str | Path) -> list[NamedColumns]:
         offset = _first(header, 'X0') - zero[0]
         # where its own start is that of the first segment, the stamp of its header tells them apart
         start = zero[0] + (offset or _stamp(fields) - zero[1])
-        if joined and start > ending and joined[-1][0] == names:
-            joined[-1][1].append(Body(start, start - _first(header, 'X0'), interval, numbers))
-        else:
-            joined.append((names, [Body(start, start - _first(header, 'X0'), interval, numbers)]))
+        if not (joined and start > ending and joined[-1][0] == names):
+            joined.append((names, []))
+        shift, samples = start - _first(header, 'X0'), int(_first(header, 'Samples'))
+        joined[-1][1].append(Body(start, shift, interval, samples, numbers))
         ending = start + (numbers.count('\n') - 1.5) * interval
     comma = stated.get('Decimal_Separator', ['.'])[0] == ','
     return [
@@ -111,17 +112,13 @@ def _names(path: str | Path, names: Sequence[str], fields: Fields) -> tuple[tupl
 
 def _read(
     head: TableHead, bodies: Sequence[Body], places: Sequence[int], progress: Progress | None
-) -> tuple[np.ndarray, tuple[Advice, ...]]:
+) -> tuple[np.ndarray, Losses]:
     parser = BlockParser(head, places)
     for body in bodies:
         parser.parse(body.numbers.encode('latin-1'))
-    values = parser.columns()
     if TIME in head.names and (place := head.names.index(TIME)) in places:
-        times = [
-            body.start + body.interval * np.arange(block.shape[1])
-            if body.interval
-            else block[places.index(place)] + body.shift
-            for body, block in zip(bodies, parser.blocks[1:], strict=True)
-        ]
-        values[places.index(place)] = np.concatenate(times)
-    return values, parser.advice()
+        for body, block in zip(bodies, parser.blocks[1:], strict=True):
+            row = block[places.index(place)]
+            row[:] = body.start + body.interval * np.arange(row.size) if body.interval else row + body.shift
+    values = parser.columns()
+    return values, (*parser.losses(), *shortage(sum(body.samples for body in bodies), values.shape[1], 'its header'))

@@ -10,15 +10,16 @@ import signal
 import struct
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 from scipy.io import loadmat, whosmat
-from scipy.io.matlab import MatlabOpaque
+from scipy.io.matlab import MatlabOpaque, MatReadWarning
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.tank.nested import nested_tables
-from swath_sysid.formats.text_tables import NamedColumns, check_size
+from swath_sysid.formats.text_tables import NamedColumns, check_size, damage, with_losses
 
 HEADER = struct.Struct('116s8sH2s')  #: Text, place of the subsystem's data, version, byte order.
 COMPRESSED = 15  #: The kind of an element that has a checksum.
@@ -42,8 +43,14 @@ def tables(path: str | Path) -> list[NamedColumns]:
         check_size(path, os.path.getsize(path))
     if not _has_checksums(path):
         _load_elsewhere(path)
-    content = loadmat(path, appendmat=False, simplify_cells=True)
-    found = nested_tables({key: value for key, value in content.items() if not key.startswith('__')})
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter('always', MatReadWarning)
+        content = loadmat(path, appendmat=False, simplify_cells=True)
+    unread = damage(shown(', '.join(str(each.message) for each in said if each.category is MatReadWarning)))
+    found = [
+        with_losses(table, unread)
+        for table in nested_tables({key: value for key, value in content.items() if not key.startswith('__')})
+    ]
     objects = [value for value in content.values() if isinstance(value, MatlabOpaque)]
     if objects and not found:
         name, _, kind, *_ = (str(part.decode() if isinstance(part, bytes) else part) for part in objects[0].ravel()[0])

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.formats.text_tables import NamedColumns, by_length, of_arrays
+from swath_sysid.formats.table_heads import kind_of_cell
+from swath_sysid.formats.text_tables import DATED, NamedColumns, by_length, of_arrays
 
 
 def nested_tables(
@@ -33,7 +34,11 @@ def nested_tables(
 
 def _vectors(key: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
     """A vector by its name; the signals of a matrix as MATLAB writes them, ``data(:,2)``."""
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in 'biuf' or value.ndim > 2 or value.size < 2:
+    if not isinstance(value, np.ndarray) or value.ndim > 2 or value.size < 2:
+        return
+    if value.ndim == 1 and kind_of_cell(value[0]) in (*DATED, 'number') and isinstance(value[0], str):
+        yield key, value
+    if value.dtype.kind not in 'biuf':
         return
     if 1 in value.shape or value.ndim == 1:
         yield key, value.ravel().astype(float)

@@ -13,11 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import LOST_SHARE
+from swath_sysid.common.account import Loss
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.cells import seconds_of_text
-from swath_sysid.formats.text_tables import NamedColumns, check_size, of_arrays, with_advice
+from swath_sysid.formats.text_tables import Losses, NamedColumns, check_size, of_arrays
 from swath_sysid.formats.vocabulary import plain_name
 
 #: What the fields of a sentence are, by how it begins.
@@ -34,16 +33,24 @@ CLOCK = re.compile(r'(\d\d)(\d\d)(\d\d(\.\d*)?)')
 XDR = re.compile(r'A,([-+.\d]+),D,([^,*]*)')
 #: What a transducer of the attitude may be called, by the first letter of the quantity.
 TRANSDUCERS = {'p': ('pitch', 'ptch', 'trim'), 'r': ('roll', 'heel', 'krang', 'kraeng', 'gite')}
+#: What begins any sentence of the attitude, also one that was cut.
+BEGIN = re.compile(
+    rf'{"|".join(SENTENCES)}|XDR,.*?({"|".join(word for words in TRANSDUCERS.values() for word in words)})',
+    re.IGNORECASE,
+)
 
 
 def tables(path: str | Path) -> list[NamedColumns]:
     """The attitude by talker."""
     check_size(path, os.path.getsize(path))
     rows: dict[str, list[list[float]]] = {}
-    clock, damaged = '', 0
-    for before, said, checksum in LINE.findall(Path(path).read_text('latin-1')):
-        row, is_whole = _attitude(said), not checksum or reduce(xor, said.encode('latin-1')) == int(checksum, 16)
-        damaged += bool(row) and not is_whole
+    clock, text = '', Path(path).read_text('latin-1')
+    sentences = LINE.findall(text)
+    summed = {said[:5] for _, said, checksum in sentences if checksum}
+    for before, said, checksum in sentences:
+        row, is_whole = _attitude(said), said[:5] not in summed
+        if checksum:
+            is_whole = reduce(xor, said.encode('latin-1')) == int(checksum, 16)
         if is_whole and said[2:].startswith(TIMED):
             clock = said.split(',')[1]
         if is_whole and row:
@@ -52,20 +59,15 @@ def tables(path: str | Path) -> list[NamedColumns]:
             rows.setdefault(talker, []).append([*times, *(_number(row.get(name, '')) for name in 'rph')])
     if not rows:
         raise InputError(f'{path} is an NMEA log without a sentence of the attitude: log {", ".join(SENTENCES)} or XDR')
-    number = damaged + sum(map(len, rows.values()))
-    if damaged > LOST_SHARE * number:
-        raise InputError(
-            f'{path}: {damaged} of {number} sentences of the attitude ({damaged / number:.0%}) have a wrong checksum: '
-            'check the cable and the baud rate'
-        )
-    advice = (Advice.of('damaged-messages', path=path, number=damaged),) if damaged else ()
-    return [_table(talker, found, advice) for talker, found in rows.items()]
+    number = len(BEGIN.findall(text))
+    damaged = Loss('damaged-sentences', number - sum(map(len, rows.values())), number, 'sentences of the attitude')
+    return [_table(talker, found, (damaged,)) for talker, found in rows.items()]
 
 
-def _table(talker: str, rows: list[list[float]], advice: tuple[Advice, ...]) -> NamedColumns:
+def _table(talker: str, rows: list[list[float]], losses: Losses) -> NamedColumns:
     time, logged, *angles = np.array(rows).T
     columns = zip(NAMES, (time if np.isfinite(time).any() else logged, *angles), strict=True)
-    return with_advice(of_arrays({n: v for n, v in columns if np.isfinite(v).any()}, {'frame': 'frd'}, talker), advice)
+    return of_arrays({n: v for n, v in columns if np.isfinite(v).any()}, {'frame': 'frd'}, talker, losses)
 
 
 def _attitude(said: str) -> dict[str, str]:

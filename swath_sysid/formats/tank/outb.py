@@ -9,6 +9,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from swath_sysid.common.account import shortage
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.text_tables import NamedColumns, check_size, of_arrays
 from swath_sysid.formats.vocabulary import with_unit
@@ -34,12 +35,19 @@ def tables(path: str | Path) -> list[NamedColumns]:
         names, units = (_texts(file, 1 + channels, length) for _ in range(2))
         # packed times have a scale and an offset, others a start and an interval
         is_packed = kind == WITH_TIMES
-        time = (_numbers(file, '<i4', rows) - second) / first if is_packed else first + second * np.arange(rows)
-        packed = _numbers(file, '<f8' if kind == UNPACKED else '<i2', rows * channels).reshape(rows, channels)
+        stamps = (_numbers(file, '<i4', rows) - second) / first if is_packed else np.empty(0)
+        number = np.dtype('<f8' if kind == UNPACKED else '<i2')
+        raw = file.read()
+    # those that are there, whatever the header counts
+    there = len(raw) // (channels * number.itemsize)
+    packed = np.frombuffer(raw, number, there * channels).reshape(there, channels)
+    time = first + second * np.arange(there)
+    if is_packed:
+        time = np.r_[stamps, np.full(there, np.nan)][:there]
     with np.errstate(all='ignore'):  # of a damaged file
         values = np.vstack([time, ((packed - offset) / scale).T])
     columns = {with_unit(name, unit): row for name, unit, row in zip(names, units, values, strict=True)}
-    return [of_arrays(columns, {}, '')]
+    return [of_arrays(columns, {}, '', shortage(rows, there, 'its header'))]
 
 
 def _numbers(file: BinaryIO, kind: str, number: int = 1) -> np.ndarray:

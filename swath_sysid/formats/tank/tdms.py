@@ -14,7 +14,7 @@ import numpy as np
 
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.cells import numbers_of
-from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, by_length, check_size
+from swath_sysid.formats.text_tables import Losses, NamedColumns, Progress, Read, by_length, check_size, numbers_in
 from swath_sysid.formats.vocabulary import with_unit
 
 
@@ -61,15 +61,16 @@ def _shifts(channels: dict[str, Any]) -> list[float]:
 
 
 def _reader(path: str | Path, group: str, names: Sequence[str], shifts: Sequence[float]) -> Read:
-    def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, tuple[()]]:
+    def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, Losses]:
         from nptdms import TdmsFile
 
         with TdmsFile.open(path) as file:
-            values = np.stack([numbers_of(file[group][names[place]][:]) for place in places])
+            own = [names[place] for place in places]
+            values, losses = numbers_in(own, [file[group][name][:] for name in own])
         rows = np.arange(values.shape[1], dtype=float)
         for row, shift in zip(values, (shifts[place] for place in places), strict=True):
             if shift:
                 row[:] = np.interp(rows, rows + shift, row, left=np.nan, right=np.nan)
-        return values, ()
+        return values, losses
 
     return read

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from swath_sysid.common.advice import counted
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.text_tables import NamedColumns, check_size, damage_advice, of_arrays, with_advice
+from swath_sysid.formats.text_tables import NamedColumns, check_size, damage, of_arrays
 
 #: Topic, names of its fields, and the columns that they are: of each kind the first topic that a log holds.
 FURTHER = (
@@ -36,5 +37,7 @@ def tables(path: str | Path) -> list[NamedColumns]:
         for k, part in enumerate('xyz' if topic else ''):
             at, values = found[topic]['timestamp'].astype(float), found[topic][field.format(k)].astype(float)
             columns[column.format(part)] = np.interp(stamps, at, values, left=np.nan, right=np.nan)
-    damage = 'parts of it cannot be read' if getattr(log, 'file_corruption', False) else ''
-    return [with_advice(of_arrays(columns, {'frame': 'frd'}, ''), damage_advice(path, damage))]
+    said = ['parts of it cannot be read'] if getattr(log, 'file_corruption', False) else []
+    if dropouts := getattr(log, 'dropouts', ()):
+        said.append(f'the logger dropped messages {counted(len(dropouts), "time")}')
+    return [of_arrays(columns, {'frame': 'frd'}, '', damage(', '.join(said)))]

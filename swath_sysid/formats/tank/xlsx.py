@@ -19,11 +19,19 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.cells import numbers_of
 from swath_sysid.formats.files import shown
 from swath_sysid.formats.schema import LONGEST_TEXT
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, Row, kind_of_cell, locate
-from swath_sysid.formats.text_tables import NamedColumns, Progress, Read, check_size, no_names
+from swath_sysid.formats.text_tables import (
+    DATED,
+    Losses,
+    NamedColumns,
+    Progress,
+    Read,
+    check_size,
+    no_names,
+    numbers_in,
+)
 
 OPERATIONS: dict[type, Callable[..., float]] = {
     ast.Add: operator.add,
@@ -101,7 +109,7 @@ def _table(path: str | Path, book: Book, title: str) -> NamedColumns | None:
         key, colon, value = str(cells[0] if cells else '').lstrip('#% ').partition(':')
         remarks[key.strip().lower()] = value.strip() if colon and value.strip() else str(cells[1]) if cells[1:] else ''
     kinds = {place: kind_of_cell(cell) for place, cell in enumerate(above[found.first])}
-    kinds = {place: kind for place, kind in kinds.items() if kind in ('date', 'day', 'clock')}
+    kinds = {place: kind for place, kind in kinds.items() if kind in DATED}
     place = f'names in row {found.used[0] + 1}' if found.used[0] else ''
     return NamedColumns(found.names, _reader(path, book, title, found, books), remarks, kinds, title, place)
 
@@ -158,20 +166,22 @@ def _value(node: ast.AST, row: Row) -> float:
 
 
 def _reader(path: str | Path, book: Book, title: str, found: Located, books: Sequence[bool]) -> Read:
-    def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, tuple[()]]:
-        rows = []
-        for row in islice(_rows(book, title, books), found.first, None):
+    def read(places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, Losses]:
+        rows, lines = [], []
+        for line, row in enumerate(islice(_rows(book, title, books), found.first, None), found.first + 1):
             if any(cell is not None for cell in row):
                 rows.append([row[place] if place < len(row) else None for place in places])
+                lines.append(line)
             if progress is not None:
                 progress(len(rows) / (len(rows) + ROWS_OF_SAMPLE))
-        values = np.stack([numbers_of(np.array(column, dtype=object)) for column in zip(*rows, strict=True)])
+        names = [found.names[place] for place in places]
+        values, losses = numbers_in(names, [np.array(cells, dtype=object) for cells in zip(*rows, strict=True)], lines)
         empty = next((place for place, row in zip(places, values, strict=True) if not np.isfinite(row).any()), None)
         if empty is not None and len(books) > 1:
             raise InputError(
                 f"{path}: the formulas of '{shown(found.names[empty])}' have no stored values: open the file in a "
                 'spreadsheet program and save it there'
             )
-        return values, ()
+        return values, losses
 
     return read

@@ -10,6 +10,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.attitude import quaternion
 from swath_sysid.attitude.motion.intake import NOT_MEASURED
+from swath_sysid.common.account import Loss, in_words
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import messages
@@ -60,12 +61,13 @@ def read_manoeuvring_bag(
     within -1 and 1 are commands unless ``thrust_input`` is given.
     """
     path = Path(path)
-    with opened_bag(path) as (readers, advice):
+    with opened_bag(path) as (readers, losses):
         roles = {'odometry': chosen_topic(path, readers, ODOMETRY, odometry, SEVERAL)}
         if imu or _topics(readers, IMU):
             roles['imu'] = chosen_topic(path, readers, IMU, imu, SEVERAL)
         roles |= _thruster_topics(path, readers, port, starboard)
-        tables = _read(path, readers, roles, advice)
+        tables = _read(path, readers, roles, losses)
+    advice = [*in_words(losses, path)]
     offset = _clock_offset(tables['odometry'], path, advice)
     series = {role: (_times(table, offset), table[:, 2:]) for role, table in tables.items()}
     sides, effort = _thrust(series, path)
@@ -148,12 +150,12 @@ def _thruster_topics(path: Path, readers: Sequence[Any], *given: str | None) -> 
     )
 
 
-def _read(path: Path, readers: Sequence[Any], roles: dict[str, str], advice: list[Advice]) -> dict[str, np.ndarray]:
+def _read(path: Path, readers: Sequence[Any], roles: dict[str, str], losses: list[Loss]) -> dict[str, np.ndarray]:
     """By role the rows of its messages: stamp (NaN without a header) and time of arrival, s, and numbers."""
     store = messages.typestore()
     rows: dict[str, list[tuple]] = {topic: [] for topic in roles.values()}
     damaged = 0
-    for connection, received, raw in intact_messages(path, readers, rows, advice):
+    for connection, received, raw in intact_messages(path, readers, rows, losses):
         try:
             message = store.deserialize_cdr(raw, connection.msgtype)
             numbers = _numbers(message, connection.msgtype)
@@ -165,8 +167,7 @@ def _read(path: Path, readers: Sequence[Any], roles: dict[str, str], advice: lis
         header = getattr(message, 'header', None)
         stamp = np.nan if header is None else messages.stamp_ns(header.stamp) / messages.SECOND_NS
         rows[connection.topic].append((stamp, received / messages.SECOND_NS, *numbers))
-    if damaged:
-        advice.append(Advice.of('damaged-messages', path=path, number=damaged))
+    losses.append(Loss('damaged-messages', damaged, damaged + sum(map(len, rows.values()))))
     empty = next((topic for topic, found in rows.items() if not found), None)
     if empty is not None:
         raise InputError(f'{path} holds no readable message on {empty}: record it again')
