@@ -90,11 +90,16 @@ def test_single_wrong_angles_are_left_out_and_no_others(interval):
     trial = assemble_trial(time, parts | {name: 0.01 * time for name in GYRO})
     lost = np.isnan(trial.roll)
     assert np.flatnonzero(lost).tolist() == at.tolist() and np.array_equal(np.isnan(trial.roll_rate), lost)
+    twice, pairs = roll.copy(), [50, 51, 400, 401, 1490, 1491]
+    twice[pairs] = -2.8, -2.9, 2.0, 2.0, 1.5, 2.0
+    assert np.flatnonzero(spikes_in(time, twice)).tolist() == pairs
     # a released hull, steps, a jerk between even steps of the sensor: all true
     decay = np.where(time > 10.0, 0.2 * np.exp(-0.1 * (time - 10.0)) * np.cos(2.0 * (time - 10.0)), 0.2)
     steps = np.repeat(decay[::5], 5) + 0.1 * (time > 30.0)
     kinks = np.interp(time, time[::7], 0.2 * np.sin(2.0 * time[::7]))
     toggles = np.round(1e-4 * draws.standard_normal(time.size) / 1e-4) * 1e-4
+    gust = np.r_[np.zeros(40), 0.2, 0.5, 0.5, 0.2, np.zeros(40)]
+    assert not spikes_in(time[: gust.size], gust + 1e-3 * draws.standard_normal(gust.size)).any()
     assert not any(
         spikes_in(time, angle).any() for angle in (decay, steps, kinks, toggles, draws.standard_normal(time.size))
     )

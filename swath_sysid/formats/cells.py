@@ -32,6 +32,8 @@ _FORMS = {
     'date': re.compile(rf'{_DAY}[,T _]\s*{_CLOCK}', re.IGNORECASE),
 }
 
+#: A date that can only begin with its month, which those beside it then do, too.
+MONTH_FIRST = re.compile(r'(?<![\d./-])\d\d?([-/.])(1[3-9]|2\d|3[01])\1(\d{4}|\d\d)(?![\d./-])')
 THOUSANDS = re.compile(r'[-+]?\d{1,3}(,\d{3})+')
 GROUPED = re.compile(r"\d(['\u2019\u00a0\u202f ])\d{3}(?!\d)")  #: A mark between groups of three digits.
 #: Signs and blanks as word processors write them.
@@ -65,9 +67,9 @@ def known_number(cell: str) -> float:
         return float(re.sub('[dD]', 'e', cell.rstrip(' °%\u00c2')))
 
 
-def seconds_of_text(cell: str) -> float:
-    """Seconds since 1970 of a date, with or without a zone (UTC then), or of the day; a number stays. In
-    ``1/2/2026`` the order of day and month is a guess, which `clocks.unwrapped` corrects at midnight.
+def seconds_of_text(cell: str, month_first: bool = False) -> float:
+    """Seconds since 1970 of a date, with or without a zone (UTC then), or of the day; a number stays. Where no date of
+    a column tells the order of day and month, `clocks.unwrapped` corrects a wrong guess at midnight.
     """
     cell = cell.strip()
     try:
@@ -84,19 +86,20 @@ def seconds_of_text(cell: str) -> float:
         late = 12 if (said['half'] or '').lower().startswith('p') else 0
         seconds = 3600.0 * (hour + late) + 60.0 * int(said['m']) + float(re.sub('[,:]', '.', said['s']))
     if said.get('Y') or said.get('y') or said.get('yy'):
-        seconds += _since_1970(datetime(*_year_month_day(said)))
+        seconds += _since_1970(datetime(*_year_month_day(said, month_first)))
     return seconds
 
 
-def _year_month_day(said: dict[str, str]) -> tuple[int, int, int]:
+def _year_month_day(said: dict[str, str], month_first: bool) -> tuple[int, int, int]:
     if said['Y']:
         return int(said['Y']), int(said['M']), int(said['D'])
     if said['month']:
         name = plain_letters(said['month']).replace('mae', 'mar')
         month = next((at for at, ways in enumerate(MONTHS, 1) if name.startswith(tuple(ways.split()))), 0)
         return _whole_year(said['yy']), month, int(said['d'])
-    day, month = int(said['a']), int(said['b'])
-    return _whole_year(said['y']), *((day, month) if month > 12 else (month, day))
+    first, second = int(said['a']), int(said['b'])
+    is_month_first = second > 12 or (month_first and first <= 12)
+    return _whole_year(said['y']), *((first, second) if is_month_first else (second, first))
 
 
 def _whole_year(year: str) -> int:
@@ -118,7 +121,8 @@ def numbers_of(values: Any) -> np.ndarray:
         return array.astype(float)
     cells = [cell.translate(OTHER_MARKS) if isinstance(cell, str) else cell for cell in array.tolist()]
     marks = marks_of([cell for cell in cells if isinstance(cell, str) and kind_of_text(cell.strip()) == 'number'])
-    return np.array([number_of(cell, *marks) for cell in cells], dtype=float)
+    month_first = any(isinstance(cell, str) and MONTH_FIRST.search(cell) for cell in cells)
+    return np.array([number_of(cell, *marks, month_first) for cell in cells], dtype=float)
 
 
 def marks_of(cells: Sequence[str]) -> tuple[bool, str]:
@@ -145,7 +149,7 @@ def _since_1970(moment: datetime) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def number_of(cell: Any, decimal_comma: bool = False, thousands: str = '') -> float:
+def number_of(cell: Any, decimal_comma: bool = False, thousands: str = '', month_first: bool = False) -> float:
     """A number, or a date or a clock time as s, as it is written or stored; NaN where it is none."""
     try:
         if isinstance(cell, datetime):
@@ -154,6 +158,8 @@ def number_of(cell: Any, decimal_comma: bool = False, thousands: str = '') -> fl
             cell = datetime.combine(datetime.min, cell) - datetime.min
         if isinstance(cell, timedelta):
             return cell.total_seconds()
-        return seconds_of_text(plain_text(cell, decimal_comma, thousands)) if isinstance(cell, str) else float(cell)
+        if isinstance(cell, str):
+            return seconds_of_text(plain_text(cell, decimal_comma, thousands), month_first)
+        return float(cell)
     except (TypeError, ValueError):
         return np.nan

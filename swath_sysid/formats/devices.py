@@ -4,7 +4,6 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 from itertools import islice, pairwise
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.cleaning import MIN_ROWS
 from swath_sysid.common.account import Loss
-from swath_sysid.formats.cells import number_of
+from swath_sysid.formats.cells import numbers_of
 from swath_sysid.formats.clocks import clocks_of
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, kind_of_cell
 from swath_sysid.formats.text_tables import NamedColumns, TableHead, check_size, of_arrays, read_long_head, rows_of
@@ -129,11 +128,10 @@ def _pivoted(path: str | Path, head: TableHead, value: int, field: int, texts: S
     for at, cells in enumerate(rows):
         devices.setdefault('/'.join(cells[tag] for tag in tags), []).append(at)
     shared = [place for place in range(len(head.names)) if place not in (value, *texts)]
-    number = cache(number_of)
     for device, own in devices.items():
         fields = tuple(dict.fromkeys(names[at] for at in own))
         check_size(path, len(fields) * len(own))
-        columns = {head.names[place]: np.array([number(rows[at][place]) for at in own]) for place in shared}
+        columns = {head.names[place]: numbers_of([rows[at][place] for at in own]) for place in shared}
         kinds = {at: head.kinds[place] for at, place in enumerate(shared) if place in head.kinds}
         timed = replace(of_arrays(columns, {}, ''), kinds=kinds)
         clock = next(iter(clocks_of([plain_name(name) for name in timed.names], timed)), ())

@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -14,7 +15,16 @@ import numpy as np
 from swath_sysid.common.account import Loss
 from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.cells import GROUPED, MISSING, known_number, marks_of, numbers_of, plain_text, seconds_of_text
+from swath_sysid.formats.cells import (
+    GROUPED,
+    MISSING,
+    MONTH_FIRST,
+    known_number,
+    marks_of,
+    numbers_of,
+    plain_text,
+    seconds_of_text,
+)
 from swath_sysid.formats.files import BLOCK_BYTES, replacing, shown
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, balance, kind_of_cell, locate
 from swath_sysid.formats.vocabulary import INTERVALS, RATES, UNIT_IN_BRACKETS, VALUE_NAMES, plain_name
@@ -238,8 +248,12 @@ def read_columns(
     """Columns by their places from 0, shape (len(indices), N), with NaN for text and in short rows, and what is lost.
     Dates become seconds since 1970; one without a zone counts as UTC.
     """
-    parser = BlockParser(head, tuple(indices))
     with _opened(path) as file:
+        month_first = False
+        if any(head.kinds.get(index) in ('date', 'day') for index in indices):
+            blocks = iter(partial(file.read, BLOCK_BYTES), b'')
+            month_first = any(MONTH_FIRST.search(block.decode('latin-1')) for block in blocks)
+        parser = BlockParser(head, tuple(indices), month_first)
         size = file.seek(0, io.SEEK_END)
         file.seek(head.offset)
         while block := file.read(BLOCK_BYTES):
@@ -275,10 +289,11 @@ def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[s
 class BlockParser:
     """Parses a table block by block: fast where it is clean, cell by cell where it is not."""
 
-    def __init__(self, head: TableHead, indices: Sequence[int]) -> None:
+    def __init__(self, head: TableHead, indices: Sequence[int], month_first: bool = False) -> None:
         self.head = head
         self.indices = indices
-        self.dates: Readers = {index: seconds_of_text for index in indices if index in head.kinds}
+        seconds = partial(seconds_of_text, month_first=month_first)
+        self.dates: Readers = {index: seconds for index in indices if index in head.kinds}
         self.readers: Readers = {index: self.dates.get(index, known_number) for index in indices}
         self.blocks = [np.empty((len(indices), 0))]
         self.line = head.first_line

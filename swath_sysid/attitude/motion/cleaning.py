@@ -20,6 +20,12 @@ LARGEST_VALUES = {'angle': np.pi, 'heading': 2 * np.pi, 'rate': 35.0, 'accelerat
 
 WRAP = 0.8  #: Of a turn; angles that count a whole turn jump by more where they pass zero.
 SPIKE = 12.0  #: Of the median distance from what the neighbours say; of Gaussian noise no sample in 10^15 is beyond.
+#: The cubic through two samples before and two after one, or two together, at these; by how many of the three steps
+#: between those four a spike must be larger.
+SPIKES = (
+    ([[-1 / 6, 4 / 6, 4 / 6, -1 / 6]], (1.0, 0.0, 1.0)),
+    ([[-0.3, 1.0, 0.5, -0.2], [-0.2, 0.5, 1.0, -0.3]], (4.0, 4.0, 4.0)),
+)
 RESOLVED = 6.0  #: Of the smallest steps: a sensor at rest goes to and fro by its resolution.
 SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
 
@@ -302,8 +308,8 @@ _windows = np.lib.stride_tricks.sliding_window_view
 
 
 def spikes_in(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Which samples of an angle, rad, both (N,), jump away from both neighbours and back: each is compared with the
-    cubic through the two samples before and the two after it, as far from which no other sample near it is.
+    """Which samples of an angle, rad, both (N,), jump away from their neighbours and back, one or two at a time: each
+    is compared with the cubic through the two before and the two after, as far from which no other near it is.
     """
     wrong, known = np.zeros(time.size, dtype=bool), np.flatnonzero(np.isfinite(time) & np.isfinite(angle))
     if known.size < 4 * MIN_ROWS:
@@ -314,16 +320,25 @@ def spikes_in(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
     moves = np.abs(steps[steps != 0.0])
     if not moves.size:
         return wrong
-    off = np.abs(values[2:-2] - (4.0 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6.0)
-    near = np.median(_windows(np.pad(off, MIN_ROWS, 'reflect'), 2 * MIN_ROWS + 1), axis=1)
-    is_most = off == np.max(_windows(np.pad(off, 2), 5), axis=1)
-    is_even = np.all(_windows(intervals, 4) < GAP_INTERVALS * np.median(intervals), axis=1)
-    before, after = steps[1:-2], steps[2:-1]
-    single = (before * after < 0.0) & (np.minimum(np.abs(before), np.abs(after)) > 0.5 * off)
-    # less than at a kink, as of values that a logger interpolates
-    single &= off > np.maximum(np.abs(steps[:-3]), np.abs(steps[3:]))
-    limit = np.maximum(SPIKE * np.maximum(near, np.median(off)), RESOLVED * np.quantile(moves, LOST_SHARE))
-    wrong[known[2:-2]] = single & is_most & is_even & (off > limit)
+    least, limit = RESOLVED * np.quantile(moves, LOST_SHARE), np.empty(0)
+    for weights, kinks in SPIKES:
+        width = len(weights)
+        rows = _windows(values, width + 4)
+        around = np.delete(rows, np.s_[2 : 2 + width], axis=1)
+        apart = rows[:, 2 : 2 + width] - around @ np.transpose(weights)
+        off = np.min(np.abs(apart), axis=1)
+        if not limit.size:
+            near = np.median(_windows(np.pad(off, MIN_ROWS, 'reflect'), 2 * MIN_ROWS + 1), axis=1)
+            limit = np.maximum(SPIKE * np.maximum(near, np.median(off)), least)
+        is_most = off == np.max(_windows(np.pad(off, 2), 5), axis=1)
+        is_even = np.all(_windows(intervals, width + 3) < GAP_INTERVALS * np.median(intervals), axis=1)
+        out, back = steps[1 : off.size + 1], steps[width + 1 : off.size + width + 1]
+        jumps = (out * back < 0.0) & (np.minimum(np.abs(out), np.abs(back)) > 0.5 * off)
+        # more than at a kink, as of values that a logger interpolates; of two, more than a craft moves at a low rate
+        jumps &= off > np.max(np.abs(np.diff(around, axis=1)) * kinks, axis=1)
+        jumps &= (off > limit[: off.size]) & np.all(apart[:, :1] * apart > 0.0, axis=1)
+        for at in np.flatnonzero(jumps & is_most & is_even):
+            wrong[known[at + 2 : at + 2 + width]] = True
     return wrong
 
 
