@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from swath_sysid.attitude.motion.attitude import euler_rates, quaternion
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.mti import read_mti
+from swath_sysid.formats.reading import read_trial
 
 COUNT = 60
 TIME = 0.01 * np.arange(COUNT)
@@ -36,8 +36,8 @@ def export(folder, columns, head=HEAD, mark='\t'):
 @pytest.mark.parametrize('orientation', ['euler', 'quaternion', 'matrix'])
 def test_export_is_read(tmp_path, mark, orientation):
     angles = {'euler': EULER, 'quaternion': QUATERNION, 'matrix': MATRIX}[orientation]
-    trial = read_mti(export(tmp_path, {**COUNTER, **TICKS, **INERTIAL, **angles}, mark=mark))
-    assert trial.advice == ()
+    trial = read_trial(export(tmp_path, {**COUNTER, **TICKS, **INERTIAL, **angles}, mark=mark))
+    assert [each.code for each in trial.advice] == ['columns-understood'] * (orientation != 'euler')
     assert np.allclose(trial.time, TIME)
     assert np.allclose(trial.roll, ROLL) and np.allclose(trial.pitch, PITCH)
     expected = euler_rates(ROLL, PITCH, *GYRO.T)
@@ -49,25 +49,26 @@ def test_export_is_read(tmp_path, mark, orientation):
 def test_counter_uses_the_update_rate(tmp_path, line):
     # columns never sent are empty
     unsent = dict.fromkeys(['SampleTimeFine', 'Year', 'Month', 'Day', 'Second', 'UTC_Nano', 'UTC_Year', 'UTC_Valid'])
-    trial = read_mti(export(tmp_path, {**COUNTER, **unsent, **EULER}, head=line + '\n'))
-    assert np.allclose(trial.time, 2 * TIME)
+    trial = read_trial(export(tmp_path, {**COUNTER, **unsent, **EULER}, head=line + '\n'))
+    assert np.allclose(trial.time - trial.time[0], 2 * TIME)
 
 
 def test_counters_wrap_and_lost_packets_are_gaps(tmp_path):
     counter = {'PacketCounter': (65536 - 20 + np.arange(COUNT)) % 65536}
-    assert np.allclose(read_mti(export(tmp_path, {**counter, **EULER})).time, TIME)
+    trial = read_trial(export(tmp_path, {**counter, **EULER}))
+    assert np.allclose(trial.time - trial.time[0], TIME)
     ticks = {'SampleTimeFine': (2**32 - 3000 + 100 * np.arange(COUNT)) % 2**32}
-    trial = read_mti(export(tmp_path, {**counter, **ticks, **EULER}))
-    assert np.allclose(trial.time, TIME) and trial.advice == ()
+    trial = read_trial(export(tmp_path, {**counter, **ticks, **EULER}))
+    assert np.allclose(trial.time, TIME) and [each.code for each in trial.advice] == ['time-unwrapped']
     counter = COUNTER['PacketCounter'].copy()
     counter[30:] += 7
-    trial = read_mti(export(tmp_path, {'PacketCounter': counter, **EULER}))
+    trial = read_trial(export(tmp_path, {'PacketCounter': counter, **EULER}))
     assert [advice.code for advice in trial.advice] == ['gaps']
     assert '0.08 s' in trial.advice[0].message
 
 
 def test_rates_alone_and_frd(tmp_path):
-    trial = read_mti(export(tmp_path, {**TICKS, **INERTIAL}), frame='frd')
+    trial = read_trial(export(tmp_path, {**TICKS, **INERTIAL}), frame='frd')
     assert set(trial.channels) == {'roll_rate', 'pitch_rate', 'yaw_rate', 'accel_x', 'accel_y', 'accel_z'}
     assert np.allclose(trial.yaw_rate, -GYRO[:, 2])
     assert np.allclose(trial.pitch_rate, -GYRO[:, 1]) and np.allclose(trial.accel_z, -FORCE[:, 2])
@@ -76,12 +77,12 @@ def test_rates_alone_and_frd(tmp_path):
 @pytest.mark.parametrize(
     'columns,head,said',
     [
-        (EULER, HEAD, 'PacketCounter'),
-        ({**COUNTER, **EULER}, '// Start Time: Unknown\n', 'Update Rate'),
-        ({**COUNTER, 'Mag_X': TIME}, HEAD, 'Quat_q0'),
+        (EULER, '// Start Time: Unknown\n', 'no time column'),
+        ({**COUNTER, **EULER}, '// Start Time: Unknown\n', 'state the rate'),
+        ({**COUNTER, 'Mag_X': TIME}, HEAD, 'no roll or pitch motion'),
         ({**COUNTER, **dict.fromkeys(EULER)}, HEAD, 'at least 8'),
     ],
 )
 def test_what_is_missing_is_named(tmp_path, columns, head, said):
     with pytest.raises(InputError, match=said):
-        read_mti(export(tmp_path, columns, head))
+        read_trial(export(tmp_path, columns, head))

@@ -21,6 +21,7 @@ from swath_sysid.formats.vocabulary import (
     readings_of,
 )
 
+COUNTER = '0_1_ms'  #: Of a sensor since it was switched on.
 SIZES_OF_TEXT = dict.fromkeys(('date', 'day', 'clock'), 1.0)  #: s.
 SIZES = {**UNITS, **SIZES_OF_TEXT, 'week': SPANS['week'], 'days': SPANS['day']}  #: s.
 
@@ -116,7 +117,8 @@ def clock_of(columns: Sequence[Column], values: Sequence[np.ndarray]) -> Clock:
         # subtracted before the nanoseconds are added: a double resolves an epoch to 0.2 us only
         scaled = [row - first_finite(row) for row in scaled]
     time, turns = unwrapped(sum(scaled[1:], scaled[0]), columns[-1].unit or '', columns[-1].scale)
-    return Clock(time, start, tuple(columns), turns)
+    zero = first_finite(time) if columns[-1].unit == COUNTER else 0.0
+    return Clock(time - zero, start - zero, tuple(columns), turns)
 
 
 def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, int]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.attitude.motion.attitude import Installation, euler_angles
+from swath_sysid.attitude.motion.attitude import Installation, euler_angles, tilt_angles
 from swath_sysid.attitude.motion.cleaning import ACCEL, QUATERNION, WRAP, assemble_trial, counts_whole_turns
 from swath_sysid.attitude.motion.rate_comparison import compare_rates, is_near
 from swath_sysid.attitude.motion.stamps import check_time_base, motion_period
@@ -28,7 +28,8 @@ AMPLITUDES_RAD = 0.03, 0.7  #: Half the range of angles in rad of a craft that m
 MIN_SAMPLES_A_CYCLE = 8  #: Noise of a sensor at rest turns faster.
 
 #: Readings without any of which there is no roll or pitch.
-MOTION = frozenset(('roll', 'pitch', 'roll_rate', 'pitch_rate', 'gyro_x', 'gyro_y', 'quaternion_x'))
+MOTION = frozenset(('roll', 'pitch', 'roll_rate', 'pitch_rate', 'gyro_x', 'gyro_y', 'quaternion_x', 'up_x'))
+UP = frozenset(('up_x', 'up_y', 'up_z'))  #: The world's up in the axes of the sensor.
 
 
 def read_csv(
@@ -70,6 +71,9 @@ def read_csv(
     table = read_table(path, MOTION_QUANTITIES, _lacking, progress, columns, _units_by_values, tables)
     _check_units(table)
     readings = table.readings()
+    if UP <= readings.keys() and not readings.keys() & {'roll', 'quaternion_w'}:
+        readings['roll'], readings['pitch'] = tilt_angles(*(readings[part] for part in sorted(UP)))
+    readings = {name: values for name, values in readings.items() if name not in UP}
     _refuse_contradicting_orientation(path, readings)
     degrees = table.remark('initial_angle_deg')
     trial = assemble_trial(

@@ -16,10 +16,8 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.columns import DEVICE
 from swath_sysid.formats.csv_trials import read_csv
 from swath_sysid.formats.files import existing, reading
-from swath_sysid.formats.mti import is_mti, read_mti
 from swath_sysid.formats.registry import BAGS
-from swath_sysid.formats.table_files import kind_of, known_by_name
-from swath_sysid.formats.text_tables import Progress, read_head
+from swath_sysid.formats.text_tables import Progress
 
 if TYPE_CHECKING:
     from swath_sysid.formats.bags import ImuRecord
@@ -78,9 +76,6 @@ def read_trial(
         if topic:
             raise InputError(f'{path} is not a bag, so it has no topic {topic}: leave the topic out, or give a bag')
         try:
-            with known_by_name(path):
-                if not columns and kind_of(path) is None and is_mti(read_head(path).names):
-                    return read_mti(path, frame, mounting, progress)
             return read_csv(path, frame, mounting, progress, columns)
         except InputError as error:
             if path.suffix in BAGS:
