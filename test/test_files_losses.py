@@ -9,8 +9,11 @@ import pytest
 from scipy.io import savemat
 from test_files_tank import WRITERS, sentence
 
+from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.common.account import Loss, in_words, shortage
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats import mcap_checksums
+from swath_sysid.formats.bags import write_imu_bag
 from swath_sysid.formats.reading import read_trial
 
 h5py = pytest.importorskip('h5py')
@@ -127,6 +130,19 @@ def test_a_large_share_is_refused_and_losses_of_columns_are_one_sentence():
     with pytest.raises(InputError, match=r'^a.csv: 9 of 90 rows \(10%\) have no readable time'):
         in_words([Loss('missing-stamps', 9, 90)], 'a.csv')
     assert shortage(90, 91, 'its index') == () and shortage(90, 80, 'its index')[0].number == 10
+
+
+def test_messages_that_the_index_of_a_bag_leaves_out_are_read(tmp_path):
+    time = 0.01 * np.arange(9000)
+    write_imu_bag(tmp_path / 'a.mcap', Trial(time=time, roll=0.1 * np.sin(time), pitch=0.1 * np.cos(time)))
+    content = bytearray((tmp_path / 'a.mcap').read_bytes())
+    with open(tmp_path / 'a.mcap', 'rb') as file:
+        first = next(at for code, at, _ in mcap_checksums._records(file) if code == mcap_checksums.CHUNK_INDEX)
+    # of a kind that readers pass over, and no check sum of the summary
+    content[first - mcap_checksums.HEAD.size], content[-12:-8] = 0x80, bytes(4)
+    (tmp_path / 'a.mcap').write_bytes(content)
+    trial = read_trial(tmp_path / 'a.mcap')
+    assert trial.time.size == time.size and 'its index leaves out messages' in trial.advice[0].message
 
 
 @pytest.mark.parametrize('form', ['%m/%d/%Y %H:%M:%S.%f', '%m-%d-%y %H:%M:%S.%f', '%d.%m.%y %H:%M:%S.%f'])

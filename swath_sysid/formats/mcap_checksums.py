@@ -7,6 +7,7 @@ the summary have a checksum each; zero means none.
 import os
 import struct
 from binascii import crc32
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -17,7 +18,7 @@ from swath_sysid.formats.files import BLOCK_BYTES
 from swath_sysid.formats.registry import BAGS
 
 MAGIC = BAGS['.mcap']
-HEADER, FOOTER, CHUNK, DATA_END = b'\x01', b'\x02', b'\x06', b'\x0f'
+HEADER, FOOTER, MESSAGE, CHUNK, CHUNK_INDEX, DATA_END = b'\x01', b'\x02', b'\x05', b'\x06', b'\x08', b'\x0f'
 ROS2 = b'\x04\0\0\0ros2\0\0\0\0'  #: The content of the header of a bag: profile and library.
 HEAD = struct.Struct('<cQ')
 FOOTER_BYTES = HEAD.size + 20 + len(MAGIC)
@@ -44,7 +45,7 @@ def _number(file: BinaryIO, at: int, size: int = 4) -> int:
 
 
 def damage_of(path: Path) -> str:
-    """What is wrong with the record lengths or with the checksums of data section and summary; empty where nothing is.
+    """What is wrong with the record lengths, the index or the checksums of data section and summary; empty: nothing is.
     Lengths come first, because a corrupt one would have as much memory allocated. Chunks are checked when read.
     """
     with open(path, 'rb') as file:
@@ -52,6 +53,9 @@ def damage_of(path: Path) -> str:
         records = list(_records(file))
         if size < len(MAGIC) + FOOTER_BYTES or not records or sum(records[-1][1:]) + len(MAGIC) != size:
             return 'a record in it goes beyond its end'
+        codes = Counter(code for code, _, _ in records)
+        if (listed := codes[CHUNK_INDEX]) and (listed < codes[CHUNK] or codes[MESSAGE]):
+            return 'its index leaves out messages'
         summary_start = _number(file, size - FOOTER_BYTES + HEAD.size, 8)
         summary_end = size - len(MAGIC) - 4
         summary_sum = _number(file, summary_end)
