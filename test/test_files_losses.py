@@ -39,6 +39,10 @@ def quoted_marks(path):
     path.write_text(text(rows, ';', [*NAMES, 'note']))
 
 
+def rows_of_another_sensor(path):
+    path.write_text(text([line for row in ROWS for line in (row, ('TEMP', 21.5, 'OK'))]))
+
+
 def other_order(path):
     path.write_text(text(ROWS[:300]) + text([(t, p, r) for t, r, p in ROWS[300:]], names=['time_s', *NAMES[:0:-1]]))
 
@@ -95,8 +99,9 @@ def archive_with_an_empty_file(path):
 
 
 FILES = {
-    'glued.csv': (glued, 598, ['rows-of-other-width', 'gaps'], '1 row of another number'),
+    'glued.csv': (glued, 598, ['rows-of-other-width', 'gaps'], '1 row with more or fewer'),
     'quoted.csv': (quoted_marks, 600, [], ''),
+    'rows.csv': (rows_of_another_sensor, 600, ['empty-rows'], '600 rows .50%. without a time'),
     'other_order.csv': (other_order, 0, [], 'has other columns from line 302 on'),
     'texts.xlsx': (texts_in_cells, 600, ['text-in-numbers', 'missing-values'], "12 cells .* 'ERR' in line 2"),
     'long.csv': (texts_in_long_form, 600, ['text-in-numbers', 'repeated-samples', 'missing-values'], "'ERR' in line 2"),
@@ -145,7 +150,17 @@ def test_messages_that_the_index_of_a_bag_leaves_out_are_read(tmp_path):
     assert trial.time.size == time.size and 'its index leaves out messages' in trial.advice[0].message
 
 
-@pytest.mark.parametrize('form', ['%m/%d/%Y %H:%M:%S.%f', '%m-%d-%y %H:%M:%S.%f', '%d.%m.%y %H:%M:%S.%f'])
+@pytest.mark.parametrize(
+    'form',
+    [
+        '%m/%d/%Y %H:%M:%S.%f',
+        '%m-%d-%y %H:%M:%S.%f',
+        '%d.%m.%y %H:%M:%S.%f',
+        '%a %b %d %Y %H:%M:%S.%f',
+        '%Y/%m/%d-%H:%M:%S.%f',
+        '%Y%m%d %H%M%S.%f',
+    ],
+)
 def test_the_order_of_day_and_month_is_that_of_the_whole_column(tmp_path, form):
     days = [datetime(2026, 11, 12, 10), datetime(2026, 11, 13, 9)]
     seconds = [*TIME, *(82800.0 + TIME)]

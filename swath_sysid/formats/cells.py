@@ -24,12 +24,14 @@ MONTHS = (
     'jan gen ene', 'feb fev', 'mar mrz', 'apr avr abr', 'may mai mag', 'jun juin giu', 'jul juil lug', 'aug aou ago',
     'sep set', 'oct okt ott', 'nov', 'dec dez dic',
 )  # fmt: skip
-_MONTH = r'(?P<d>\d\d?)[-/. ]{1,2}(?P<month>[^\W\d_]{3,10})[-/. ]{1,2}(?P<yy>\d{4}|\d\d)'
-_DAY = f'({_YEAR_FIRST}|{_YEAR_LAST}|{_MONTH})'
+_NAMED = r'(?P<d>\d\d?)[-/. ]{1,2}(?P<month>[^\W\d_]{3,10})[-/. ]{1,2}(?P<yy>\d{4}|\d\d)'
+#: As in ``Nov 27, 2026`` and, from JavaScript, ``Fri Nov 27 2026``.
+_NAME_FIRST = r'([^\W\d_]{3},? )?(?P<name>[^\W\d_]{3,10})\.? (?P<of>\d\d?)[,.]? (?P<yyyy>\d{4})'
+_DAY = f'({_YEAR_FIRST}|{_YEAR_LAST}|{_NAMED}|{_NAME_FIRST})'
 _FORMS = {
     'clock': re.compile(_CLOCK, re.IGNORECASE),
     'day': re.compile(_DAY),
-    'date': re.compile(rf'{_DAY}[,T _]\s*{_CLOCK}', re.IGNORECASE),
+    'date': re.compile(rf'{_DAY}[,T _-]\s*{_CLOCK}', re.IGNORECASE),
 }
 
 #: A date that can only begin with its month, which those beside it then do, too.
@@ -73,7 +75,7 @@ def seconds_of_text(cell: str, month_first: bool = False) -> float:
     """
     cell = cell.strip()
     try:
-        is_iso = cell[4:5] == '-' or cell[8:9] in ('T', 't')
+        is_iso = cell[4:5] == '-' or cell[8:9] in ('T', 't', ' ')
         return _since_1970(datetime.fromisoformat(cell)) if is_iso else known_number(cell)
     except ValueError:
         found = next((match for form in _FORMS.values() if (match := form.fullmatch(cell))), None)
@@ -85,7 +87,7 @@ def seconds_of_text(cell: str, month_first: bool = False) -> float:
         hour = int(said['h'] or 0) % (12 if said['half'] else 24)
         late = 12 if (said['half'] or '').lower().startswith('p') else 0
         seconds = 3600.0 * (hour + late) + 60.0 * int(said['m']) + float(re.sub('[,:]', '.', said['s']))
-    if said.get('Y') or said.get('y') or said.get('yy'):
+    if any(said.get(year) for year in ('Y', 'y', 'yy', 'yyyy')):
         seconds += _since_1970(datetime(*_year_month_day(said, month_first)))
     return seconds
 
@@ -93,10 +95,10 @@ def seconds_of_text(cell: str, month_first: bool = False) -> float:
 def _year_month_day(said: dict[str, str], month_first: bool) -> tuple[int, int, int]:
     if said['Y']:
         return int(said['Y']), int(said['M']), int(said['D'])
-    if said['month']:
-        name = plain_letters(said['month']).replace('mae', 'mar')
+    if named := said['month'] or said['name']:
+        name = plain_letters(named).replace('mae', 'mar')
         month = next((at for at, ways in enumerate(MONTHS, 1) if name.startswith(tuple(ways.split()))), 0)
-        return _whole_year(said['yy']), month, int(said['d'])
+        return _whole_year(said['yy'] or said['yyyy']), month, int(said['d'] or said['of'])
     first, second = int(said['a']), int(said['b'])
     is_month_first = second > 12 or (month_first and first <= 12)
     return _whole_year(said['y']), *((first, second) if is_month_first else (second, first))

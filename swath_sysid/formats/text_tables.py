@@ -373,33 +373,39 @@ class BlockParser:
             is_comment = line.lstrip().startswith(COMMENT_MARKS) and cells[0].strip().lower() not in MISSING
             if not line.strip() or is_comment:
                 continue
-            if len(cells) < needed:
-                cells += [''] * (needed - len(cells))
-                if any(cells[index].strip() for index in self.indices):  # else it is empty, or of another device
-                    self.short.append(number)
-            elif self._is_header([cells[index] for index in self.indices], number):
+            width = len(cells)
+            cells += [''] * (needed - width)
+            own = [cells[index].strip() for index in self.indices]
+            if self._is_header(own, number):
                 continue
-            elif len(cells) > self.widest:
-                self.wide.append((read + len(rows), number))
-            rows.append([self._number(cells[index], number, index) for index in self.indices])
+            values, texts = [], []
+            for index, cell in zip(self.indices, own, strict=True):
+                try:
+                    values.append(self.readers[index](cell))
+                except ValueError:
+                    values.append(np.nan)
+                    texts.append((index, cell))
+            if texts and texts[0][1] == own[0] and (len(texts) > 1 or width < needed):
+                values = [np.nan] * len(own)  # without a time and in a form of its own: of another device
+            else:
+                for index, cell in texts:
+                    self.text_cells.setdefault(index, []).append((number, cell))
+                if width < needed and any(own):
+                    self.short.append(number)
+                elif width > self.widest:
+                    self.wide.append((read + len(rows), number))
+            rows.append(values)
         return np.array(rows, dtype=float).reshape(-1, len(self.indices))
 
     def _is_header(self, cells: Sequence[str], line: int) -> bool:
         """Whether a row repeats the names; where they stand at other places the table is refused."""
         names = [UNIT_IN_BRACKETS.sub('', name) for name in self.head.names]
-        said = [UNIT_IN_BRACKETS.sub('', cell.strip()) for cell in cells]
+        said = [UNIT_IN_BRACKETS.sub('', cell) for cell in cells]
         if sum(name in names for name in said) < 2:
             return False
         if said != [names[index] for index in self.indices]:
             raise InputError(f'{self.head.path} has other columns from line {line} on: split it there')
         return True
-
-    def _number(self, cell: str, line: int, index: int) -> float:
-        try:
-            return self.readers[index](cell)
-        except ValueError:
-            self.text_cells.setdefault(index, []).append((line, cell.strip()))
-            return np.nan
 
 
 def _opened(path: str | Path) -> BinaryIO:
