@@ -34,7 +34,6 @@ from swath_sysid.common.processes import SerialExecutor
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.model_file import read_description, read_model
 from swath_sysid.report.html_page import escaped
-from swath_sysid.report.pdf import BROWSERS, write_pdf
 from swath_sysid.report.tables import table_as_csv
 from swath_sysid.tank.campaign import work as executors
 from swath_sysid.tank.campaign.evaluation import TIE
@@ -45,6 +44,7 @@ from swath_sysid.tank.cli import kept_work
 from swath_sysid.tank.report import campaign_tables, client_pages
 from swath_sysid.tank.report.campaign_report import every_table, write_report
 from swath_sysid.tank.report.campaign_results import in_words
+from swath_sysid.tank.report.pdf import BROWSERS, write_pdf
 
 ROOT = Path(__file__).resolve().parents[2]
 HULL = hull_named('swath-pitch').model

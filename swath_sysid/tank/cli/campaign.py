@@ -10,13 +10,13 @@ from pathlib import Path
 from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
-from swath_sysid.report.pdf import browser, write_pdf
 from swath_sysid.tank.campaign.manifest import read_manifest
 from swath_sysid.tank.campaign.proposal import write_new_manifest
 from swath_sysid.tank.campaign.run import CampaignOutcome, run_campaign
 from swath_sysid.tank.cli.kept_work import RESULTS, kept_work, said_to_continue
 from swath_sysid.tank.report.campaign_report import REPORTED, write_report
 from swath_sysid.tank.report.campaign_results import conclusion_of, left_out_of, used_of
+from swath_sysid.tank.report.pdf import browser, write_pdf
 
 MANIFEST = 'campaign.yaml'
 
