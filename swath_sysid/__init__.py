@@ -44,45 +44,13 @@ if TYPE_CHECKING:
     from swath_sysid.pipeline.record_run import samples_of as samples_of
     from swath_sysid.share import share_folder as share_folder
 
-_HOMES = {
-    'formats.reading': ('read_trial',),
-    'formats.upstream_channels': ('read_upstream',),
-    'attitude.motion.trial': ('Trial',),
-    'attitude.hull.catalogue': ('hull_named',),
-    'attitude.hull.simulation': ('simulate',),
-    'attitude.hull.craft_simulator': ('simulated_trial',),
-    'formats.identify_records': ('identify', 'identify_at_sea', 'write_model'),
-    'attitude.identification.result': ('IdentificationSettings', 'Identification'),
-    'attitude.identification.fit_quality': ('Verdict',),
-    'attitude.hull.identified_model': ('IdentifiedModel',),
-    'formats.model_file': ('read_model',),
-    'pipeline.record_run': ('run_through', 'samples_of'),
-    'evaluation.scoring': ('score', 'Skill'),
-    'pipeline.forecast_pipeline': ('ForecastPipeline', 'PipelineSettings'),
-    'attitude.prediction.candidate': ('Candidate',),
-    'attitude.prediction.forecaster': ('ForecasterSettings',),
-    'attitude.prediction.sea_fit': ('fit_sea',),
-    'attitude.motion.intake': ('ImuReading',),
-    'manoeuvring.formats.csv': ('read_manoeuvring_csv',),
-    'manoeuvring.motion.intake': ('prepare_runs',),
-    'manoeuvring.identification.identify': ('identify_manoeuvring',),
-    'manoeuvring.identification.settings': ('ManoeuvringSettings',),
-    'manoeuvring.formats.model_file': ('read_manoeuvring_model',),
-    'manoeuvring.formats.export.gazebo': ('gazebo',),
-    'manoeuvring.formats.export.vrx': ('vrx',),
-    'manoeuvring.formats.export.nav2': ('nav2',),
-    'manoeuvring.formats.export.fossen': ('fossen',),
-    'common.errors': ('InputError',),
-    'common.advice': ('Advice',),
-    'share': ('share_folder',),
-}
-#: Of the rooms that are here: a wing may be absent, and its names with it.
-_HOME_OF = {
-    name: home
-    for home, names in _HOMES.items()
-    for name in names
-    if isdir(room := f'{__path__[0]}/{home.partition(".")[0]}') or exists(f'{room}.py')
-}
+#: By public name, its module, as the imports above say: of the rooms that are here, since a wing may be absent.
+_HOME_OF: dict[str, str] = {}
+with open(__file__, encoding='utf-8') as _own:
+    for _words in (line.split() for line in _own if line.startswith(f'    from {__name__}.')):
+        _home = _words[1].removeprefix(f'{__name__}.')
+        if isdir(_room := f'{__path__[0]}/{_home.partition(".")[0]}') or exists(f'{_room}.py'):
+            _HOME_OF[_words[3]] = _home
 
 __all__ = list(_HOME_OF)
 

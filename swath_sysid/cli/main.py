@@ -160,11 +160,6 @@ def _argcomplete() -> ModuleType:
     return argcomplete
 
 
-def _complete(words: list[str]) -> None:
-    """Tell the shell what may come next, and end the process."""
-    _argcomplete().autocomplete(build_parser(_verb_of(words)))
-
-
 def _verb_of(words: list[str]) -> str | None:
     return next((word for word in words if not word.startswith('-')), None)
 
@@ -172,8 +167,8 @@ def _verb_of(words: list[str]) -> str | None:
 def _carried_out(argv: list[str], begin: Callable[[], None]) -> int:
     verb = _verb_of(argv)
     try:
-        if '_ARGCOMPLETE' in os.environ:  # by a shell, which asks what may come next on its line
-            _complete(os.environ['COMP_LINE'].split()[1:])
+        if '_ARGCOMPLETE' in os.environ:  # by a shell, which asks what may come next on its line: this ends the process
+            _argcomplete().autocomplete(build_parser(_verb_of(os.environ['COMP_LINE'].split()[1:])))
         if argv == ['--completion']:
             print(f'{ZSH_READY}\n{_argcomplete().shellcode(["swath-sysid"])}')
             return DONE

@@ -2,4 +2,4 @@
 
 from swath_sysid.common.wings import Wing
 
-WING = Wing(name='evaluation', order=3, shown_in_demo='evaluation.cli.measured_sea forecast_sea')
+WING = Wing(name='evaluation', order=3, shown_in_demo='evaluation.cli.forecast forecast_sea')

@@ -27,19 +27,6 @@ test_harmful_outputs_are_refused_and_nothing_changes = refusing(
 )
 
 
-@pytest.mark.parametrize(
-    ('words', 'said'),
-    [
-        ('--axis rol', "there is no --axis 'rol' (did you mean roll?): choose from roll, pitch"),
-        ('--leads -1,2', '--leads: cannot be -1'),
-    ],
-)
-def test_a_slip_is_one_sentence_that_says_what_is_meant(words, said, capsys):
-    assert main(['forecast', 'x.csv', *words.split()]) == 2
-    told = capsys.readouterr().err
-    assert said in told and told.count('\n') == 1
-
-
 def test_a_forecast_of_slow_samples_says_which_leads_were_not_measured(tmp_path, capsys):
     """The pitch of noise has no limit where roll alone is scored, and no flag begins with a digit."""
     time = np.arange(240.0)

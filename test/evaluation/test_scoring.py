@@ -15,7 +15,7 @@ from swath_sysid.attitude.prediction.point import Point, PointMotion
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
-from swath_sysid.evaluation.report.forecast_skill import skill_as_data
+from swath_sysid.evaluation.report.skill import skill_as_data
 from swath_sysid.evaluation.scoring import METHODS, SENSOR, resampled, score, usual_limits, usual_warmup
 from swath_sysid.formats.csv_trials import write_csv
 from swath_sysid.formats.reading import read_trial

@@ -2,8 +2,6 @@
 
 import argparse
 import re
-from contextlib import nullcontext
-from types import SimpleNamespace
 
 import pytest
 from test_cli_run import parsed
@@ -12,8 +10,6 @@ from test_light import loaded_by
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.page.cli import beside, page
-from swath_sysid.page.live_record import LiveRecord
-from swath_sysid.page.state import PageState
 
 
 def test_the_page_beside_the_nodes_hears_the_same_names(monkeypatch):
@@ -34,15 +30,6 @@ def test_without_its_extra_it_says_what_to_install(monkeypatch):
     monkeypatch.setattr('swath_sysid.page.server.ui', None)
     with pytest.raises(InputError, match=re.escape('pip install "swath_sysid[page]"')):
         page.run(argparse.Namespace())
-
-
-def test_it_shows_the_trials_that_wings_offer(tmp_path, monkeypatch):
-    offers = {'trials_shown': [lambda manifest: ([{'file': manifest}], ['b is missing'])]}
-    monkeypatch.setattr('swath_sysid.page.state.offered', offers.get)
-    source = SimpleNamespace(lock=nullcontext(), record=LiveRecord(), description='', sensor='')
-    page = PageState(source, tmp_path, manifest='a.yaml')
-    page.refresh()
-    assert (page.view.trials, page.view.missing) == ([{'file': 'a.yaml'}], ['b is missing'])
 
 
 def test_whoever_comes_from_elsewhere_is_asked_for_a_token():

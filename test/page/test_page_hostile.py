@@ -13,6 +13,7 @@ from rclpy.serialization import serialize_message  # noqa: E402
 from rclpy.signals import SignalHandlerOptions  # noqa: E402
 from spoilt_messages import spoilt  # noqa: E402
 from std_msgs.msg import Float32, String  # noqa: E402
+from test_nodes_network import assert_does_what_is_allowed, watcher  # noqa: E402, F401
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E402
 
 from swath_sysid.attitude.hull.catalogue import hull_named  # noqa: E402
@@ -171,3 +172,18 @@ def test_a_namesake_over_dds_ends_nothing_and_the_predictor_is_heard_after_it(tm
         answering.close()
         spinning.close()
         rclpy.shutdown()
+
+
+def pressed(folder):
+    node = PageNode(lambda line: None)
+    node._requests.get_parameters('predictor', ASKED, lambda *found: None)
+    for button in ('identify', 'cancel', 'rollback', 'undo_rollback', 'push', 'accept'):
+        node.press(button)
+    node._requests.carry_out()
+    return node
+
+
+@pytest.mark.long
+@pytest.mark.dds
+def test_the_policy_allows_what_the_page_does_and_no_more(watcher, tmp_path):  # noqa: F811
+    assert_does_what_is_allowed('page', pressed, watcher, tmp_path)

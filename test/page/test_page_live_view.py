@@ -224,3 +224,12 @@ def test_the_last_verdict_is_shown_once(monkeypatch, tmp_path):
 def test_no_legend_touches_the_name_of_its_axis_on_a_narrow_screen(options):
     """ECharts writes in 12 px, the legend 5 px below its top and the name 15 px above the grid."""
     assert options['legend']['top'] + 5 + 12 < options['grid']['top'] - 15 - 12
+
+
+def test_it_shows_the_trials_that_wings_offer(tmp_path, monkeypatch):
+    offers = {'trials_shown': [lambda manifest: ([{'file': manifest}], ['b is missing'])]}
+    monkeypatch.setattr('swath_sysid.page.state.offered', offers.get)
+    source = SimpleNamespace(lock=nullcontext(), record=LiveRecord(), description='', sensor='')
+    page = PageState(source, tmp_path, manifest='a.yaml')
+    page.refresh()
+    assert (page.view.trials, page.view.missing) == ([{'file': 'a.yaml'}], ['b is missing'])

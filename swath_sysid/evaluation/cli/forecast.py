@@ -1,14 +1,16 @@
 """``swath-sysid forecast``: how well a record is forecast, beside what a forecast must beat."""
 
 import math
+import shlex
 import time
 from argparse import Namespace
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
 from swath_sysid.attitude.motion.trial import AXES
@@ -17,23 +19,21 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.outlook import ErrorLimit
 from swath_sysid.attitude.prediction.point import ATTITUDE, Point
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits
+from swath_sysid.cli.main import build_parser
 from swath_sysid.cli.progress import print_result, progress_of, show_advice
 from swath_sysid.cli.sources import check_model_and_plot, columns_of, read_models, read_record
 from swath_sysid.common.errors import InputError
 from swath_sysid.evaluation import scoring
 from swath_sysid.evaluation.report.forecast_figure import forecast_figure
-from swath_sysid.evaluation.report.forecast_skill import (
-    LABELS,
-    POINT_UNITS,
-    cell,
-    conclusion_of,
-    methods_of,
-    skill_as_data,
-)
+from swath_sysid.evaluation.report.skill import LABELS, POINT_UNITS, cell, conclusion_of, methods_of, skill_as_data
 from swath_sysid.formats.upstream_channels import read_upstream
 from swath_sysid.pipeline.record_run import run_through
 from swath_sysid.report.figures import save_figure
 from swath_sysid.report.fit_summary import short_name
+from swath_sysid.share import share_folder
+
+SEA_RECORD = 'records/morro_buoy.csv'
+SEA_OPTIONS = ('--leads', '0.5,1,2,3', '--warmup', '180')
 
 
 def run(arguments: Namespace) -> int:
@@ -243,3 +243,29 @@ def _with_sensor(points: list[Point]) -> tuple[Point, ...]:
     if any(point.name == scoring.SENSOR.name and point != scoring.SENSOR for point in points):
         raise InputError(f"'{scoring.SENSOR.name}' names the sensor's own position, 0,0,0: give the point another name")
     return (scoring.SENSOR, *(point for point in points if point != scoring.SENSOR)) if points else ()
+
+
+def forecast_sea(output: Path) -> None:
+    """Forecast a measured sea with the command for users' own records."""
+    words = ['forecast', str(share_folder() / SEA_RECORD), *SEA_OPTIONS, '--plot', str(output / 'sea.png')]
+    print(
+        f'Motion of a moored buoy at sea, forecast from past samples only:\n\n    swath-sysid {shlex.join(words)}\n',
+        flush=True,
+    )
+    skill = scored(build_parser(words[0]).parse_args(words))
+    Console().print(_table_of_sea(skill))
+    print(f'{output / "sea.png"}: these forecasts beside the measured motion; the command prints every method\n')
+
+
+def _table_of_sea(skill: scoring.Skill) -> Table:
+    """The forecast beside the best of the usual ones."""
+    table = Table(
+        'error / motion (1: as bad as the mean)', *(Column(f'{lead:g} s', justify='right') for lead in skill.leads)
+    )
+    for axis, scores in skill.axes.items():
+        best = [scores.nrmse[name][k] for k, name in enumerate(scores.best)]
+        table.add_row(f'{axis}: forecast', *map(cell, scores.nrmse[scoring.FORECAST]), style='bold')
+        table.add_row(f'{axis}: best of {len(scores.nrmse) - 1} usual methods', *map(cell, best))
+        inside = (cell(100.0 * share, 0) for share in scores.coverage[:, 1])
+        table.add_row(f'{axis}: inside the 90 % interval, %', *inside, style='dim', end_section=True)
+    return table

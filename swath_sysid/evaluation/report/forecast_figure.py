@@ -7,7 +7,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecast import LEVELS
-from swath_sysid.evaluation.report.forecast_skill import methods_of
+from swath_sysid.evaluation.report.skill import methods_of
 from swath_sysid.evaluation.scoring import FORECAST, Skill
 from swath_sysid.pipeline.record_run import Run
 from swath_sysid.report.figures import BAND, MEASURED, MODEL, SERIES, Axes, Figure, band, new_figure, plain_ticks, quiet
