@@ -5,10 +5,11 @@ added. The truth is the hull's own natural period and equivalent damping (`hull.
 two standard deviations of the roll.
 """
 
-import argparse
 import sys
 import time
+from itertools import product
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from swath_sysid.attitude.hull.catalogue import hull_named  # noqa: E402
 from swath_sysid.attitude.hull.decay_model import DecayModel  # noqa: E402
 from swath_sysid.attitude.motion.trial import AxisMotion  # noqa: E402
 from swath_sysid.common.errors import InputError  # noqa: E402
+from swath_sysid.evaluation.cli.benchmark import Benchmark  # noqa: E402
 from swath_sysid.formats.identify_records import identify_at_sea  # noqa: E402
 
 RATIOS = (0.7, 1.0, 1.5, 2.0, 3.0)
@@ -60,51 +62,6 @@ def score(sea, seeds, angle_noise, rate_noise):
     return np.array(rows), (time.perf_counter() - begun) / len(seeds)
 
 
-def main():
-    """Print a line for each sea."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--seeds', type=int, default=20)
-    parser.add_argument('--first-seed', type=int, default=101)
-    parser.add_argument('--minutes', type=float, default=15.0)
-    parser.add_argument('--rate-hz', type=float, default=20.0)
-    parser.add_argument('--ratios', default=','.join(map(str, RATIOS)), help='peak period over natural period')
-    parser.add_argument('--hull', choices=HULLS, default='swath-roll')
-    parser.add_argument('--std-deg', type=float, default=1.1, help='of the roll')
-    parser.add_argument('--angle-noise', type=float, default=1e-3, help='rad')
-    parser.add_argument('--rate-noise', type=float, default=1.65e-2, help='rad/s')
-    arguments = parser.parse_args()
-    model = HULLS[arguments.hull]
-    seeds = list(range(arguments.first_seed, arguments.first_seed + arguments.seeds))
-    print(
-        f'{arguments.seeds} seeds, {arguments.minutes:g} min at {arguments.rate_hz:g} Hz, {arguments.std_deg:g} deg '
-        'of roll; errors in % of the truth (bias, spread, worst); share within the target, and within twice the '
-        'standard deviation stated; that'
-    )
-    for by_slope in (False, True):
-        for ratio in map(float, arguments.ratios.split(',')):
-            try:
-                sea = known_sea(
-                    model,
-                    seeds,
-                    ratio,
-                    np.radians(arguments.std_deg),
-                    60.0 * arguments.minutes,
-                    by_slope=by_slope,
-                    interval=1.0 / arguments.rate_hz,
-                )
-            except AssertionError as error:
-                print(f'Tp/Tn {ratio:g}: {error}')
-                continue
-            rows, seconds = score(sea, seeds, arguments.angle_noise, arguments.rate_noise)
-            largest = np.degrees(np.abs(sea.angle).max())
-            print(
-                f'moment by {"slope " if by_slope else "height"} Tp/Tn {ratio:g}, largest roll {largest:.1f} deg | '
-                f'period {_error_words(rows[:, 0], rows[:, 2], PERIOD_WITHIN)} | '
-                f'damping {_error_words(rows[:, 1], rows[:, 3], DAMPING_WITHIN)} | {seconds:.2f} s each',
-                flush=True,
-            )
-
-
 def _error_words(errors, stds, within):
     share, inside = np.mean(np.abs(errors) < within), np.mean(np.abs(errors) < 2.0 * stds)
     return (
@@ -113,5 +70,39 @@ def _error_words(errors, stds, within):
     )
 
 
+def lines(
+    *,
+    seeds: int = 20,
+    first_seed: int = 101,
+    minutes: float = 15.0,
+    rate_hz: float = 20.0,
+    ratios: Annotated[float, 'peak period over natural period'] = RATIOS,
+    hull: Annotated[str, HULLS] = 'swath-roll',
+    std_deg: Annotated[float, 'of the roll'] = 1.1,
+    angle_noise: Annotated[float, 'rad'] = 1e-3,
+    rate_noise: Annotated[float, 'rad/s'] = 1.65e-2,
+):
+    """A line for each sea."""
+    yield (
+        f'{seeds} seeds, {minutes:g} min at {rate_hz:g} Hz, {std_deg:g} deg of roll; errors in % of the truth (bias, '
+        'spread, worst); share within the target, and within twice the standard deviation stated; that'
+    )
+    tried = list(range(first_seed, first_seed + seeds))
+    for by_slope, ratio in product((False, True), ratios):
+        size, duration, interval = np.radians(std_deg), 60.0 * minutes, 1.0 / rate_hz
+        try:
+            sea = known_sea(HULLS[hull], tried, ratio, size, duration, by_slope=by_slope, interval=interval)
+        except AssertionError as error:
+            yield f'Tp/Tn {ratio:g}: {error}'
+            continue
+        rows, seconds = score(sea, tried, angle_noise, rate_noise)
+        largest = np.degrees(np.abs(sea.angle).max())
+        yield (
+            f'moment by {"slope " if by_slope else "height"} Tp/Tn {ratio:g}, largest roll {largest:.1f} deg | '
+            f'period {_error_words(rows[:, 0], rows[:, 2], PERIOD_WITHIN)} | '
+            f'damping {_error_words(rows[:, 1], rows[:, 3], DAMPING_WITHIN)} | {seconds:.2f} s each'
+        )
+
+
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

@@ -8,11 +8,11 @@ Releases are made by scipy from the papers' coefficients (``basin.py``): a hand 
 twice, in basins that are never quite still. Seas are JONSWAP spectra through hulls of every damping.
 """
 
-import argparse
 import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 os.environ.setdefault('OMP_NUM_THREADS', '1')
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -23,6 +23,7 @@ import numpy as np
 
 from swath_sysid.attitude.motion.segmentation import find_decays
 from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.evaluation.cli.benchmark import Benchmark
 from swath_sysid.formats.reading import read_trial
 
 ANGLES_DEG = 2.0, 4.0, 6.0, 8.0
@@ -155,20 +156,15 @@ def measured_misses():
 
 def report(title, misses, total, rows):
     """One line, and what it counts."""
-    print(f'{title:<44}{len(misses):>5} of {total}', flush=True)
+    yield f'{title:<44}{len(misses):>5} of {total}'
     if rows:
-        print(*(f'    {each}' for each in misses), sep='\n', flush=True)
+        yield '\n'.join(f'    {each}' for each in misses)
 
 
-def main():
-    """Print every figure."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--seeds', type=int, default=2, help='at least 1')
-    parser.add_argument('--seas', type=int, default=100)
-    parser.add_argument('--rows', action='store_true')
-    given = parser.parse_args()
+def lines(*, seeds: Annotated[int, 'at least 1'] = 2, seas: int = 100, rows: bool = False):
+    """Every figure."""
     missed, late, many, total, double = [], [], [], 0, 0
-    for made in releases_made(given.seeds):
+    for made in releases_made(seeds):
         decays = find_decays(made.motion)
         known = 0
         for release, following in zip(made.releases, (*made.releases[1:], np.inf), strict=True):
@@ -184,23 +180,25 @@ def main():
         if len(decays) > known:
             many.append(f'{made.name}: {made.releases}, found {[round(each.start, 2) for each in decays]}')
     found, near = 1 - len(missed) / total, 1 - (len(missed) + len(late)) / total
-    print(f'releases found {found:.4f}, within 30 ms or a sample {near:.4f}')
-    report('releases not found', missed, total, given.rows)
-    report('releases found, but off by more', late, total, given.rows)
-    report('records with a decay too many', many, double, given.rows)
-    report('measured decays not found', measured_misses() if DATA.is_dir() else [], len(MEASURED), True)
-    waves = [sea(seed) for seed in range(given.seas)] + [sea_after_rest(seed) for seed in range(given.seas // 4)]
+    yield f'releases found {found:.4f}, within 30 ms or a sample {near:.4f}'
+    yield from report('releases not found', missed, total, rows)
+    yield from report('releases found, but off by more', late, total, rows)
+    yield from report('records with a decay too many', many, double, rows)
+    yield from report('measured decays not found', measured_misses() if DATA.is_dir() else [], len(MEASURED), True)
+    waves = [sea(seed) for seed in range(seas)] + [sea_after_rest(seed) for seed in range(seas // 4)]
     if DATA.is_dir():
         trials = [read_trial(DATA / f'waves/{name}.csv') for name in ('morro_buoy', 'nbp1406_ship')]
         waves += [trial.axis(axis) for trial in trials for axis in trial.axes]
     false = [f'{motion.source}: {found}' for motion in waves if (found := find_decays(motion))]
-    report('seas with a decay', false, len(waves), given.rows)
-    windows = [live_window(seed) for seed in range(4 * given.seas)]
-    report('windows of seas with a decay', [each.source for each in windows if find_decays(each)], len(windows), False)
+    yield from report('seas with a decay', false, len(waves), rows)
+    windows = [live_window(seed) for seed in range(4 * seas)]
+    yield from report(
+        'windows of seas with a decay', [each.source for each in windows if find_decays(each)], len(windows), False
+    )
     for kind in false_models.KINDS:
         found = [seed for seed in range(40) if find_decays(false_models.made_motion(kind, seed))]
-        report(f'{kind} called a decay', found, 40, False)
+        yield from report(f'{kind} called a decay', found, 40, False)
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

@@ -7,9 +7,8 @@ Each record is an angle that something else than the hull's own restoring moment
 Printed by kind: records in which no decay was found, and the verdicts on the others. None may be adequate.
 """
 
-import argparse
 import os
-import sys
+from typing import Annotated
 
 os.environ.setdefault('OMP_NUM_THREADS', '1')
 
@@ -122,27 +121,25 @@ def verdict_on(motion):
     return verdict.level, verdict.code, of
 
 
-def main():
-    """Print every kind."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--count', type=int, default=200)
-    parser.add_argument('--kinds', default=','.join(KINDS))
-    parser.add_argument('--rows', action='store_true', help='print every fit')
-    given = parser.parse_args()
-    kinds = given.kinds.split(',')
+def lines(
+    *, count: int = 200, kinds: Annotated[str, KINDS] = tuple(KINDS), rows: Annotated[bool, 'print every fit'] = False
+):
+    """Every kind."""
     adequate = 0
     for place, kind in enumerate(kinds):
-        seeds = range(len(range(place, given.count, len(kinds))))
+        seeds = range(len(range(place, count, len(kinds))))
         found = [verdict_on(made_motion(kind, seed)) for seed in seeds]
         levels = [level for level, _, _ in found]
         adequate += levels.count('adequate')
-        print(f'{kind:<16}', {level: levels.count(level) for level in sorted(set(levels))}, flush=True)
+        yield f'{kind:<16} { {level: levels.count(level) for level in sorted(set(levels))} }'
         for seed, (level, code, words) in zip(seeds, found, strict=True):
-            if level == 'adequate' or (given.rows and level != 'no decay'):
-                print(f'  seed {seed}: {level}, {code}: {words}', flush=True)
-    print(f'{adequate} of {given.count} adequate')
+            if level == 'adequate' or (rows and level != 'no decay'):
+                yield f'  seed {seed}: {level}, {code}: {words}'
+    yield f'{adequate} of {count} adequate'
     return int(adequate > 0)
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    from swath_sysid.evaluation.cli.benchmark import Benchmark
+
+    raise SystemExit(Benchmark(__doc__, lines).run())

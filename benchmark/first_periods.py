@@ -9,8 +9,9 @@ scores 20 to 90 s of ships at 1 Hz against regressions, `flume` a model in regul
 Records are read from the folder that SWATH_SYSID_DATA names and from `field` beside it.
 """
 
-import argparse
 from dataclasses import replace
+from itertools import chain
+from typing import Annotated
 
 import numpy as np
 from record_forecasts import BUOY, DATA, SHIP, only
@@ -19,6 +20,7 @@ from scipy.signal import welch
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.evaluation.baselines import Record, baseline_forecasts, running_regression
+from swath_sysid.evaluation.cli.benchmark import HALF_90, Benchmark
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
 
@@ -78,16 +80,16 @@ def truth_at(trial, axis, times):
     return np.interp(times, trial.time[known], trial.channels[axis][known], left=np.nan, right=np.nan)
 
 
-def show(name, cells):
+def line_of(name, cells):
     """One line of the table."""
-    print(f'{name:28}', *(f'{cell:8.3f}' for cell in cells), flush=True)
+    return f'{name:28} ' + ' '.join(f'{cell:8.3f}' for cell in cells)
 
 
 def report(name, size, **errors):
     """Root mean squares of errors (N, L) over the size; how often ``held`` (N, L)."""
     for method, values in errors.items():
         mean = np.nanmean(values, axis=0) if method == 'held' else np.sqrt(np.nanmean(values**2, axis=0)) / size
-        show(f'{name} {method}', mean)
+        yield line_of(f'{name} {method}', mean)
 
 
 def first_periods(name, trial, factor):
@@ -112,14 +114,14 @@ def first_periods(name, trial, factor):
             ages.append((stamps - part.time[0]) / period)
             found['forecast'].append(mean - truth)
             found['mean'].append(np.array(so_far)[:, None] - truth)
-            found['held'].append(np.abs(mean - truth) <= 1.645 * deviation)
+            found['held'].append(np.abs(mean - truth) <= HALF_90 * deviation)
         age = np.concatenate(ages)
-        print(f'\n{name}, {axis}, period {period:.3g} s, {len(parts)} starts')
-        show('lead over period', leads / period)
+        yield f'\n{name}, {axis}, period {period:.3g} s, {len(parts)} starts'
+        yield line_of('lead over period', leads / period)
         for begin, end in PERIODS:
             now = (age >= begin - 1e-9) & (age < end)
             chosen = {method: np.concatenate(values)[now] for method, values in found.items()}
-            report(f'{begin:g} to {end:g} periods', np.nanstd(even), **chosen)
+            yield from report(f'{begin:g} to {end:g} periods', np.nanstd(even), **chosen)
 
 
 def minute(name, trial):
@@ -140,13 +142,13 @@ def minute(name, trial):
             for method in ('ar_5', 'ar_40', 'var_40', 'mean'):
                 errors.setdefault(method, []).append(others[method] - truth)
             errors.setdefault('forecast', []).append(mean - truth)
-            held.append(np.abs(mean - truth) <= 1.645 * deviation)
-        print(f'\n{name}, {axis}, {MINUTE[0]:g} to {MINUTE[1]:g} s after ten starts, leads of 1 to 10 s')
+            held.append(np.abs(mean - truth) <= HALF_90 * deviation)
+        yield f'\n{name}, {axis}, {MINUTE[0]:g} to {MINUTE[1]:g} s after ten starts, leads of 1 to 10 s'
         square = {method: np.nanmean(np.concatenate(values) ** 2, axis=0) for method, values in errors.items()}
         forecast = np.sqrt(square.pop('forecast'))
-        show('forecast', forecast / np.nanstd(trial.channels[axis]))
-        show('over the best of the others', forecast / np.sqrt(np.min(list(square.values()), axis=0)))
-        show('held', np.concatenate(held).mean(axis=0))
+        yield line_of('forecast', forecast / np.nanstd(trial.channels[axis]))
+        yield line_of('over the best of the others', forecast / np.sqrt(np.min(list(square.values()), axis=0)))
+        yield line_of('held', np.concatenate(held).mean(axis=0))
 
 
 def flume():
@@ -158,12 +160,12 @@ def flume():
         leads = factor * np.array([0.25, 0.5, 1.0])
         stamps, mean, deviation = forecasts(trial, 'roll', leads)
         error = mean - truth_at(trial, 'roll', stamps[:, None] + leads)
-        print(f'\nflume, {name}, leads {leads} s')
+        yield f'\nflume, {name}, leads {leads} s'
         for span, (begin, end) in FLUME.items():
             now = (stamps >= factor * begin) & (stamps <= factor * end)
             seen = (trial.time >= factor * begin) & (trial.time <= factor * end)
-            report(
-                span, np.std(trial.roll[seen]), forecast=error[now], held=np.abs(error[now]) <= 1.645 * deviation[now]
+            yield from report(
+                span, np.std(trial.roll[seen]), forecast=error[now], held=np.abs(error[now]) <= HALF_90 * deviation[now]
             )
 
 
@@ -171,22 +173,19 @@ CASES = {
     'morro': lambda factor: first_periods('buoy', buoy(), factor),
     'ship': lambda factor: first_periods('ship', ship(), factor),
     'hakusan': lambda factor: first_periods('other ship', other_ship(), factor),
-    'minute': lambda factor: (minute('ship', ship()), minute('other ship', other_ship())),
+    'minute': lambda factor: chain(minute('ship', ship()), minute('other ship', other_ship())),
     'flume': lambda factor: flume(),
 }
 
 
-def main():
-    """Print the scores of the cases asked for."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('cases', nargs='*', choices=[[], *CASES], metavar='CASE', help=f'of {", ".join(CASES)}')
-    parser.add_argument(
-        '--time', type=float, default=1.0, help='the motion of morro, ship and hakusan as many times slower'
-    )
-    given = parser.parse_args()
-    for case in given.cases or CASES:
-        CASES[case](given.time)
+def lines(
+    *cases: Annotated[str, CASES, f'of {", ".join(CASES)}'],
+    time: Annotated[float, 'the motion of morro, ship and hakusan as many times slower'] = 1.0,
+):
+    """The scores of the cases asked for."""
+    for case in cases or CASES:
+        yield from CASES[case](time)
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

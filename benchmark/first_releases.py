@@ -10,8 +10,8 @@ held the true roll, the standard deviation issued over the root mean square erro
 amplitude of then.
 """
 
-import argparse
 from itertools import product
+from typing import Annotated
 
 import numpy as np
 from shortest_leads import ANGLE_NOISE, RATE_NOISE, TOLD
@@ -19,8 +19,9 @@ from shortest_leads import ANGLE_NOISE, RATE_NOISE, TOLD
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.evaluation.cli.benchmark import Benchmark, Errors, Line
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.pipeline.record_run import followed
 
 PERIODS = 1.0, 1.4, 2.0, 2.8, 3.5, 4.5, 6.0, 8.0  #: s.
 SECONDS = (0.0, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 5.0), (5.0, 8.0), (8.0, 12.0)
@@ -63,54 +64,58 @@ class Release:
         return abs(self._free) * np.exp(self._decay.real * (time - self.begin))
 
 
-def forecasts(release: Release, period: float, rate: float, seed: int):
-    """Seconds since letting go (N,), errors, deviations (N, L), and amplitudes of then (N,)."""
+def samples(release: Release, rate: float, seed: int):
+    """The sensor's samples of a release, one by one."""
     rng = np.random.default_rng(seed)
-    leads = np.array(sorted({LEAD, *(round(period * ahead, 3) for ahead in PERIODS_AHEAD)}))
-    settings = ForecasterSettings(tuple(leads), horizon=leads[-1], horizon_step=leads[-1])
-    pipeline = ForecastPipeline(PipelineSettings(forecaster=settings))
     told = {f'{axis}{name}': std**2 for axis in AXES for name, std in TOLD.items()}
-    found = []
+    unknown = dict.fromkeys(CraftSample._fields, np.nan)
     for time in np.arange(0.0, release.begin + SECONDS[-1][1], 1.0 / rate).tolist():
         angle, angular_rate = (value.item() for value in release.motion(np.array([time])))
         noise = rng.normal(size=4) * [ANGLE_NOISE, RATE_NOISE, ANGLE_NOISE, RATE_NOISE]
         values = {'roll': angle, 'roll_rate': angular_rate, 'pitch': 0.0, 'pitch_rate': 0.0}
         values = {name: value + each for (name, value), each in zip(values.items(), noise.tolist(), strict=True)}
-        unknown = dict.fromkeys(CraftSample._fields, np.nan)
-        step = pipeline.add_sample(CraftSample(**{**unknown, **told, **values, 'stamp_ns': round(time * 1e9)}))
-        if step.sea_request is not None:
-            pipeline.install(fit_sea(step.sea_request))
+        yield CraftSample(**{**unknown, **told, **values, 'stamp_ns': round(time * 1e9)})
+
+
+def forecasts(release: Release, period: float, rate: float, seed: int):
+    """Seconds since letting go (N,), and errors and deviations (N, L) over the amplitude of then."""
+    leads = np.array(sorted({LEAD, *(round(period * ahead, 3) for ahead in PERIODS_AHEAD)}))
+    settings = ForecasterSettings(tuple(leads), horizon=leads[-1], horizon_step=leads[-1])
+    pipeline, found = ForecastPipeline(PipelineSettings(forecaster=settings)), []
+    for k, step in enumerate(followed(pipeline, samples(release, rate, seed))):
+        time = k * (1.0 / rate)
         if step.forecast is not None and time >= release.begin:
             error = step.forecast.angle('roll') - release.motion(time + leads)[0]
-            found.append((time - release.begin, error, step.forecast.deviation[:, 0], release.reach(time)))
+            reach = release.reach(time)
+            found.append((time - release.begin, error / reach, step.forecast.deviation[:, 0] / reach))
     return [np.array(parts) for parts in zip(*found, strict=True)]
 
 
-def main() -> None:
-    """Print a line for each rate, kind of release and span of seconds."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--rates', type=float, nargs='+', default=[25.0], metavar='HZ')
-    parser.add_argument('--periods', type=float, nargs='+', default=PERIODS, metavar='S')
-    parser.add_argument('--seeds', type=int, default=3)
-    parser.add_argument('--rest', type=float, default=5.0, metavar='S')
-    given = parser.parse_args()
-    print(f'leads {LEAD} s and {PERIODS_AHEAD} periods | held | stated over error | most over the amplitude')
-    for rate, kind in product(given.rates, ('push', 'hold')):
+def lines(
+    *,
+    rates: Annotated[float, 'Hz'] = (25.0,),
+    periods: Annotated[float, 's'] = PERIODS,
+    seeds: int = 3,
+    rest: Annotated[float, 's'] = 5.0,
+):
+    """A line for each rate, kind of release and span of seconds."""
+    yield f'leads {LEAD} s and {PERIODS_AHEAD} periods | held | stated over error | most over the amplitude'
+    for rate, kind in product(rates, ('push', 'hold')):
         runs = [
-            forecasts(Release(period, kind, seed, given.rest), period, rate, seed)
-            for period in given.periods
-            for seed in range(given.seeds)
+            forecasts(Release(period, kind, seed, rest), period, rate, seed)
+            for period in periods
+            for seed in range(seeds)
         ]
-        since, errors, deviations, reach = (np.concatenate(parts) for parts in zip(*runs, strict=True))
-        errors, deviations = errors / reach[:, None], deviations / reach[:, None]
+        of_all = Errors.joined(runs)
         for begin, end in SECONDS:
-            now = (since >= begin) & (since < end)
-            held = (np.abs(errors) < 1.645 * deviations)[now].mean(axis=0)
-            ratio = deviations[now].mean(axis=0) / np.sqrt((errors[now] ** 2).mean(axis=0))
-            most = deviations[now].max(axis=0)
-            parts = (' '.join(f'{value:6.2f}' for value in values) for values in (held, ratio, most))
-            print(f'{rate:3.0f} Hz {kind} {begin:2.0f} to {end:2.0f} s | ' + ' | '.join(parts), flush=True)
+            now = of_all.within(begin, end)
+            figures = {
+                'held': now.held,
+                'stated': now.deviation.mean(axis=0) / now.rms,
+                'most': now.deviation.max(axis=0),
+            }
+            yield Line(f'{rate:3.0f} Hz {kind} {begin:2.0f} to {end:2.0f} s', figures, '6.2f')
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

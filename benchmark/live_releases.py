@@ -1,16 +1,16 @@
 """Released once live, how well is the next release known? Nodes with their defaults over DDS, four hulls.
 
-    python benchmark/live_releases.py [--angles 6,3] [--hulls swath-roll,swath-pitch]
+    python benchmark/live_releases.py [--angles 6 3] [--hulls swath-roll swath-pitch]
 
 Prints the error of a release from 5 deg, simulated with the published model, against the true hull: root mean square
 over the standard deviation of the motion; beside it what the model's own verdict says.
 """
 
-import argparse
 import os
 import subprocess
 import tempfile
 import time
+from typing import Annotated
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from swath_sysid.attitude.hull.catalogue import PUBLISHED_HULLS, hull_named
 from swath_sysid.attitude.hull.simulation import simulate
 from swath_sysid.cli.run import craft_command
 from swath_sysid.common.processes import verb_command
+from swath_sysid.evaluation.cli.benchmark import Benchmark
 
 NEXT = np.radians(5.0)
 TIME = np.arange(0.0, 12.0, 0.01)
@@ -77,28 +78,26 @@ def live_run(hull, angle_deg):
             rclpy.shutdown()
 
 
-def main():
+def lines(
+    *,
+    hulls: Annotated[str, PUBLISHED_HULLS] = tuple(PUBLISHED_HULLS),
+    angles: Annotated[float, 'deg'] = (6.0, 3.0),
+    domain: str = '77',
+):
     """One line for each run."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--hulls', default=','.join(PUBLISHED_HULLS))
-    parser.add_argument('--angles', default='6,3')
-    parser.add_argument('--domain', default='77')
-    arguments = parser.parse_args()
-    os.environ.update(ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', OMP_NUM_THREADS='1', ROS_DOMAIN_ID=arguments.domain)
-    for angle_deg in map(float, arguments.angles.split(',')):
+    os.environ.update(ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', OMP_NUM_THREADS='1', ROS_DOMAIN_ID=domain)
+    for angle_deg in angles:
         errors = []
-        for hull in arguments.hulls.split(','):
+        for hull in hulls:
             held, how, said = live_run(hull, angle_deg)
             if held is None:
-                print(f'{hull} {angle_deg:g} deg: nothing published, {said}', flush=True)
+                yield f'{hull} {angle_deg:g} deg: nothing published, {said}'
                 continue
             errors.append(next_release_error(held.model, hull_named(hull).model))
             verdict = f'{held.metrics["verdict"]}, {held.metrics["motion_error"]:.3f} stated'
-            print(
-                f'{hull} {angle_deg:g} deg: {errors[-1]:.3f} ({held.model.equation.name}; {verdict}; {how})', flush=True
-            )
-        print(f'from {angle_deg:g} deg: mean {np.mean(errors):.3f}, largest {np.max(errors):.3f}', flush=True)
+            yield f'{hull} {angle_deg:g} deg: {errors[-1]:.3f} ({held.model.equation.name}; {verdict}; {how})'
+        yield f'from {angle_deg:g} deg: mean {np.mean(errors):.3f}, largest {np.max(errors):.3f}'
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

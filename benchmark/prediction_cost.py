@@ -10,10 +10,10 @@ does:
     OMP_NUM_THREADS=1 python benchmark/prediction_cost.py --seconds 1200
 """
 
-import argparse
 import math
 import time
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 from sea_forecasts import ANGLE_NOISE, FINE_RATE, HULL, RATE_NOISE, make_sea
@@ -25,6 +25,7 @@ from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import Point
 from swath_sysid.attitude.prediction.quiescence import PointLimits, QuiescenceLimits
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.evaluation.cli.benchmark import Benchmark
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 
 NOISE = (ANGLE_NOISE**2,) * 2 + (RATE_NOISE**2,) * 2
@@ -66,14 +67,12 @@ def measure(samples, models, forecaster):
     return plain, issued, refits
 
 
-def main():
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=480.0, help='of simulated sea')
-    samples = samples_at_sea(parser.parse_args().seconds)
+def lines(*, seconds: Annotated[float, 'of simulated sea'] = 480.0):
+    """The table."""
+    samples = samples_at_sea(seconds)
     identified = {axis: IdentifiedModel.exactly(HULL) for axis in AXES}
     measure(samples[: 30 * FINE_RATE], identified, AT_NONE)
-    print('medians, us            with next  and leads        all: median       mean  refit: median, ms  at most, ms')
+    yield 'medians, us            with next  and leads        all: median       mean  refit: median, ms  at most, ms'
     cost = {}
     for name, models, settings in (
         ('no hull', {}, AT_NONE),
@@ -84,15 +83,14 @@ def main():
         plain, issued, refits = measure(samples, models, settings)
         both = plain + issued
         cost[name] = np.mean(both)
-        print(
+        yield (
             f'{name:20s} {1e6 * np.median(plain):12.0f} {1e6 * np.median(issued):10.0f} {1e6 * np.median(both):18.0f} '
             f'{1e6 * np.mean(both):10.0f} {1e3 * np.median(refits or math.nan):18.0f} '
-            f'{1e3 * max(refits, default=math.nan):12.0f}',
-            flush=True,
+            f'{1e3 * max(refits, default=math.nan):12.0f}'
         )
     no_points, points = list(cost.values())[:2], list(cost.values())[2:]
-    print('two points over none: ' + ', '.join(f'{b / a:.2f}' for a, b in zip(no_points, points, strict=True)))
+    yield 'two points over none: ' + ', '.join(f'{b / a:.2f}' for a, b in zip(no_points, points, strict=True))
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

@@ -8,17 +8,18 @@ error over it with a 95 % interval; the best of persistence, constant rate and m
 Records are read from the folder that SWATH_SYSID_DATA names.
 """
 
-import argparse
 import math
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from sea_forecasts import make_sea
 
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.evaluation.cli.benchmark import Benchmark
 from swath_sysid.evaluation.scoring import FORECAST, score
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.record_run import run_through
@@ -85,7 +86,7 @@ def two_seas():
 
 def whole_buoy():
     """The buoy as it is."""
-    show('buoy', buoy(), BUOY_LEADS, [(WARMUP, math.inf)])
+    yield from scored('buoy', buoy(), BUOY_LEADS, [(WARMUP, math.inf)])
 
 
 def buoy_with_losses(count):
@@ -93,20 +94,20 @@ def buoy_with_losses(count):
     trial = buoy()
     whole = score(trial, run_of(trial, BUOY_LEADS), BUOY_LEADS, WARMUP, WINDOW)
     name = f'buoy, {count} samples lost every 20 s'
-    show(name, without_samples(trial, count), BUOY_LEADS, [(WARMUP, math.inf)], whole)
+    yield from scored(name, without_samples(trial, count), BUOY_LEADS, [(WARMUP, math.inf)], whole)
 
 
 def ship():
     """The ship after short and long warm-ups."""
     spans = [(warmup, math.inf) for warmup in (60.0, 120.0, 300.0, 600.0)]
-    show('ship', read_trial(DATA / SHIP), SHIP_LEADS, spans)
+    yield from scored('ship', read_trial(DATA / SHIP), SHIP_LEADS, spans)
 
 
 def first_minute():
     """The first minute of every record."""
-    show('buoy', only(buoy(), buoy().time < 90.0), BUOY_LEADS, FIRST)
+    yield from scored('buoy', only(buoy(), buoy().time < 90.0), BUOY_LEADS, FIRST)
     trial = read_trial(DATA / SHIP)
-    show('ship', only(trial, trial.time < 90.0), SHIP_LEADS, FIRST)
+    yield from scored('ship', only(trial, trial.time < 90.0), SHIP_LEADS, FIRST)
 
 
 def change_of_sea():
@@ -116,7 +117,7 @@ def change_of_sea():
         ('buoy turned by 90 deg, then back', buoy_that_turned(back=True), SPLICE),
         ('simulated roll, then another sea', two_seas(), SEA_DURATION),
     ):
-        show(name, trial, BUOY_LEADS, [(splice + begin, splice + end) for begin, end in AFTER_SPLICE])
+        yield from scored(name, trial, BUOY_LEADS, [(splice + begin, splice + end) for begin, end in AFTER_SPLICE])
 
 
 CASES = {
@@ -129,43 +130,43 @@ CASES = {
 }
 
 
-def show(name, trial, leads, spans, whole=None):
-    """Run through a record once, and print the scores of spans of it, s from its start."""
+def scored(name, trial, leads, spans, whole=None):
+    """The scores of spans of a record, s from its start, run through once."""
     run, duration = run_of(trial, leads), trial.time[-1] - trial.time[0]
     for begin, end in spans:
         skill = score(trial, run, leads, begin, WINDOW, min(end, duration))
         for axis, scores in skill.axes.items():
-            print(f'\n{name}, {axis}, from {begin:g} to {skill.until:.0f} s, {scores.counted[0]} forecasts')
-            _row('lead, s', [f'{lead:g}' for lead in leads])
-            _row('forecast', scores.nrmse[FORECAST])
-            _row('best baseline', list(scores.best))
-            _row('  its error', [scores.nrmse[best][i] for i, best in enumerate(scores.best)])
-            _row('over the best baseline', scores.ratio)
+            yield f'\n{name}, {axis}, from {begin:g} to {skill.until:.0f} s, {scores.counted[0]} forecasts'
+            yield _row('lead, s', [f'{lead:g}' for lead in leads])
+            yield _row('forecast', scores.nrmse[FORECAST])
+            yield _row('best baseline', list(scores.best))
+            yield _row('  its error', [scores.nrmse[best][i] for i, best in enumerate(scores.best)])
+            yield _row('over the best baseline', scores.ratio)
             if np.isfinite(scores.ratio_interval).all():
-                _row('  95 % interval', [f'{low:.3f}-{high:.3f}' for low, high in scores.ratio_interval])
-            _row('over the best simple', scores.nrmse[FORECAST] / np.min([scores.nrmse[n] for n in SIMPLE], axis=0))
-            _row('90 % held', scores.coverage[:, 1])
+                yield _row('  95 % interval', [f'{low:.3f}-{high:.3f}' for low, high in scores.ratio_interval])
+            yield _row(
+                'over the best simple', scores.nrmse[FORECAST] / np.min([scores.nrmse[n] for n in SIMPLE], axis=0)
+            )
+            yield _row('90 % held', scores.coverage[:, 1])
             if np.nan_to_num(scores.gap_share).any():
-                _row('issued 4 s after a gap', scores.gap_share)
+                yield _row('issued 4 s after a gap', scores.gap_share)
                 for method, values in scores.gap_nrmse.items():
-                    _row(f'{method} there', values)
+                    yield _row(f'{method} there', values)
             if whole is not None:
-                _row('over the whole record', scores.nrmse[FORECAST] / whole.axes[axis].nrmse[FORECAST])
-                _row('after a gap over it', scores.gap_nrmse[FORECAST] / whole.axes[axis].nrmse[FORECAST])
+                yield _row('over the whole record', scores.nrmse[FORECAST] / whole.axes[axis].nrmse[FORECAST])
+                yield _row('after a gap over it', scores.gap_nrmse[FORECAST] / whole.axes[axis].nrmse[FORECAST])
 
 
 def _row(name, cells):
     texts = (cell if isinstance(cell, str) else f'{cell:.4f}' for cell in cells)
-    print(f'{name:24}', *(f'{text:>13}' for text in texts), flush=True)
+    return f'{name:24} ' + ' '.join(f'{text:>13}' for text in texts)
 
 
-def main():
-    """Print the scores of the cases asked for."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('cases', nargs='*', choices=[[], *CASES], metavar='CASE', help=f'of {", ".join(CASES)}')
-    for case in parser.parse_args().cases or CASES:
-        CASES[case]()
+def lines(*cases: Annotated[str, CASES, f'of {", ".join(CASES)}']):
+    """The scores of the cases asked for."""
+    for case in cases or CASES:
+        yield from CASES[case]()
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

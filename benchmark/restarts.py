@@ -9,9 +9,9 @@ deviation over the root mean square error, and that error over the one of the cl
 reasons that were counted. Periods are those of the roll motion.
 """
 
-import argparse
 from collections import Counter
 from copy import deepcopy
+from typing import Annotated
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.attitude.motion.attitude import STANDARD_GRAVITY, body_rates, quaternion
 from swath_sysid.attitude.motion.intake import ImuReading
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.evaluation.cli.benchmark import HALF_90, Benchmark
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
+from swath_sysid.pipeline.record_run import followed
 
 RATE, WARM, AFTER = 100, 100.0, 3.0  # Hz; s; periods
 PERIOD = 3.2  # s, of the roll motion
@@ -127,13 +128,10 @@ FAULTS = {
 def play(pipeline, samples):
     """The forecasts that a pipeline issues, and how often each reason is counted."""
     issued, reasons = [], Counter()
-    for each in samples:
-        found = pipeline.add(each)
+    for found in followed(pipeline, samples):
         reasons.update(found.reasons)
         if found.lost:
             reasons['lost'] += found.lost
-        if found.sea_request is not None:
-            pipeline.install(fit_sea(found.sea_request))
         if found.forecast is not None:
             issued.append(found)
     return issued, reasons
@@ -163,35 +161,32 @@ def errors_after(seed, faults, size, with_hulls):
         yield name, (now - first) / PERIOD, mean - truth, deviation, reasons
 
 
-def show(name, axis, span, of_all, of_clean):
+def line_of(name, axis, span, of_all, of_clean):
     """One line: by lead, coverage, deviation over error, and error over that of the clean stream."""
     error, deviation = of_all
     rms = np.sqrt(np.mean(error**2, axis=0))
-    held = (np.abs(error) <= 1.645 * deviation).mean(axis=0)
+    held = (np.abs(error) <= HALF_90 * deviation).mean(axis=0)
     width = np.sqrt(np.mean(deviation**2, axis=0)) / rms
     clean = rms / np.sqrt(np.mean(of_clean[0] ** 2, axis=0))
     cells = '  '.join(f'{h:5.2f} {w:5.1f} {c:6.1f}' for h, w, c in zip(held, width, clean, strict=True))
-    print(f'{name:20} {axis:5} {span[0]:4g} to {span[1]:4g}  {len(error):4d}  {cells}', flush=True)
+    return f'{name:20} {axis:5} {span[0]:4g} to {span[1]:4g}  {len(error):4d}  {cells}'
 
 
-def main():
-    """Print the table of the faults asked for."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('faults', nargs='*', metavar='FAULT', help=f'of {", ".join(FAULTS)}')
-    parser.add_argument('--seeds', type=int, default=8)
-    parser.add_argument('--size', type=float, default=1.0, help='the motion as many times larger; 0: at rest')
-    parser.add_argument('--hulls', action='store_true', help='with the true hulls')
-    given = parser.parse_args()
-    if unknown := set(given.faults) - set(FAULTS):
-        parser.error(f'{", ".join(sorted(unknown))} is none of {", ".join(FAULTS)}')
-    faults = ['clean', *(name for name in given.faults or FAULTS if name != 'clean')]
+def lines(
+    *faults: Annotated[str, FAULTS, f'of {", ".join(FAULTS)}'],
+    seeds: int = 8,
+    size: Annotated[float, 'the motion as many times larger; 0: at rest'] = 1.0,
+    with_hulls: Annotated[bool, 'the true ones'] = False,
+):
+    """The table of the faults asked for."""
+    faults = ['clean', *(name for name in faults or FAULTS if name != 'clean')]
     found = {name: [] for name in faults}
     reasons = {name: Counter() for name in faults}
-    for seed in range(1, given.seeds + 1):
-        for name, *result, counted in errors_after(seed, faults, given.size, given.hulls):
+    for seed in range(1, seeds + 1):
+        for name, *result, counted in errors_after(seed, faults, size, with_hulls):
             found[name].append(result)
             reasons[name].update(counted)
-    print(f'{"":44}' + '  '.join(f'{f"{lead:g} s: held std err":18}' for lead in LEADS))
+    yield f'{"":44}' + '  '.join(f'{f"{lead:g} s: held std err":18}' for lead in LEADS)
     of_clean = {}
     for name in faults:
         age, error, deviation = (np.concatenate(values) for values in zip(*found[name], strict=True))
@@ -199,9 +194,9 @@ def main():
             for span in SPANS:
                 now = (age >= span[0] - 1e-9) & (age < span[1] - 1e-9)
                 chosen = error[now][..., place], deviation[now][..., place]
-                show(name, axis, span, chosen, of_clean.setdefault((axis, span), chosen))
-        print(f'{name}: {dict(reasons[name])}\n', flush=True)
+                yield line_of(name, axis, span, chosen, of_clean.setdefault((axis, span), chosen))
+        yield f'{name}: {dict(reasons[name])}\n'
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

@@ -9,14 +9,14 @@ and Walker). The baselines are those of `swath-sysid forecast`. Errors are of th
 all of the sea, what is scored included: what can be known of the motion without its hull, which is not linear.
 
     OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20
-    OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20 --first 900 --rates 10,100
+    OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20 --first 900 --rates 10 100
     OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 20 --stiffness 1.15 --quadratic-damping 1.5
     OMP_NUM_THREADS=1 python benchmark/sea_forecasts.py --seeds 12 --sea swell --without-hull
 """
 
-import argparse
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -29,10 +29,11 @@ from swath_sysid.attitude.hull.terms import TERM_NAMES
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.common.signals import sine_tapers
 from swath_sysid.evaluation.baselines import Record, baseline_forecasts
+from swath_sysid.evaluation.cli.benchmark import Benchmark
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.pipeline.record_run import followed
 
 HULL = hull_named('swath-roll').model
 LEADS = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
@@ -293,15 +294,12 @@ def forecasts_of(sea, rate, hull, leads=LEADS):
     pipeline = ForecastPipeline(PipelineSettings(forecaster=ForecasterSettings(leads=tuple(leads), horizon=leads[-1])))
     if hull is not None:
         pipeline.set_models({'roll': IdentifiedModel.exactly(hull)})
-    issued, nan = [], math.nan
-    for k, (roll, roll_rate) in enumerate(sea.readings(rate).tolist()):
-        step = pipeline.add_sample(
-            CraftSample(
-                round(k / rate * 1e9), roll, nan, roll_rate, nan, nan, nan, nan, ANGLE_NOISE**2, nan, RATE_NOISE**2, nan
-            )
-        )
-        if step.sea_request is not None:
-            pipeline.install(fit_sea(step.sea_request))
+    issued, nan, noise = [], math.nan, (ANGLE_NOISE**2, math.nan, RATE_NOISE**2, math.nan)
+    seen = (
+        CraftSample(round(k / rate * 1e9), roll, nan, roll_rate, nan, nan, nan, nan, *noise)
+        for k, (roll, roll_rate) in enumerate(sea.readings(rate).tolist())
+    )
+    for k, step in enumerate(followed(pipeline, seen)):
         if step.forecast is not None:
             issued.append((k / rate, step.forecast.angle('roll'), step.forecast.half_width('roll')[:, 1]))
     return tuple(np.array(part) for part in zip(*issued, strict=True))
@@ -351,52 +349,51 @@ def _score(sea, warmup, stamps, angles, leads, widths=math.nan):
     return np.sqrt((errors**2).sum(axis=0) / counts.sum(axis=0)) / deviation, held
 
 
-def main():
-    """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seeds', type=int, default=20)
-    parser.add_argument('--first', type=int, default=100, help='seed of the first sea: another one makes fresh seas')
-    parser.add_argument('--warmup', type=float, default=300.0, help='s')
-    parser.add_argument('--scored', type=float, default=300.0, help='s')
-    parser.add_argument('--rates', default='10', help='of the sensor, Hz, separated by commas')
-    parser.add_argument('--sea', choices=SEAS, default='jonswap')
-    parser.add_argument('--without-hull', action='store_true')
-    parser.add_argument('--stiffness', type=float, default=1.0, help='factor by which the hull is wrong in restoring')
-    parser.add_argument('--damping', type=float, default=1.0, help='in all damping')
-    parser.add_argument('--quadratic-damping', type=float, default=1.0, help='in quadratic damping, beyond that')
-    given = parser.parse_args()
-    hull = None if given.without_hull else hull_off_by(given.stiffness, given.damping, given.quadratic_damping)
-    rates = [float(rate) for rate in given.rates.split(',')]
+def _row(name, values, digits):
+    return ' '.join([f'{name:40}'[: 40 if len(name) > 28 else 28], *(f'{value:8.{digits}f}' for value in values)])
+
+
+def lines(
+    *,
+    seeds: int = 20,
+    first: Annotated[int, 'seed of the first sea: another one makes fresh seas'] = 100,
+    warmup: Annotated[float, 's'] = 300.0,
+    scored: Annotated[float, 's'] = 300.0,
+    rates: Annotated[float, 'of the sensor, Hz'] = (10.0,),
+    sea: Annotated[str, SEAS] = 'jonswap',
+    without_hull: bool = False,
+    stiffness: Annotated[float, 'factor by which the hull is wrong in restoring'] = 1.0,
+    damping: Annotated[float, 'in all damping'] = 1.0,
+    quadratic_damping: Annotated[float, 'in quadratic damping, beyond that'] = 1.0,
+):
+    """The tables."""
+    hull = None if without_hull else hull_off_by(stiffness, damping, quadratic_damping)
     every, held = [], []
-    print(f'{"":28}', *(f'{lead:6.1f} s' for lead in LEADS))
-    for seed in range(given.first, given.first + given.seeds):
-        sea, nrmse, coverage = compare(seed, given.warmup, given.scored, LEADS, rates, hull, given.sea)
+    yield ' '.join([f'{"":28}', *(f'{lead:6.1f} s' for lead in LEADS)])
+    for seed in range(first, first + seeds):
+        made, nrmse, coverage = compare(seed, warmup, scored, LEADS, rates, hull, sea)
         every.append(nrmse)
         held.append(coverage)
-        name = f'seed {seed}, Tp {sea.peak_period:3.1f} s, {math.degrees(np.abs(sea.angle).max()):3.1f} deg'
+        name = f'seed {seed}, Tp {made.peak_period:3.1f} s, {math.degrees(np.abs(made.angle).max()):3.1f} deg'
         for rate in coverage:
-            _print(f'{name} {rate}', nrmse[rate] / nrmse['oracle'], 3)
+            yield _row(f'{name} {rate}', nrmse[rate] / nrmse['oracle'], 3)
     every = {name: np.array([nrmse[name] for nrmse in every]) for name in every[0]}
     total = {name: np.sqrt(np.mean(values**2, axis=0)) for name, values in every.items()}
-    print('\nRMSE / standard deviation')
+    yield '\nRMSE / standard deviation'
     for name, values in total.items():
-        _print(name, values, 4)
+        yield _row(name, values, 4)
     best = np.min([values for name, values in total.items() if name not in ('oracle', 'linear', *coverage)], axis=0)
     slowest = min(coverage, key=lambda name: float(name.split()[0]))
     for name in coverage:
-        print(f'\nsensor at {name}')
-        _print('over the oracle', total[name] / total['oracle'], 3)
-        _print('over the best linear forecast', total[name] / total['linear'], 3)
-        _print('worst sea over the oracle', (every[name] / every['oracle']).max(axis=0), 3)
-        _print('over the best baseline', total[name] / best, 3)
+        yield f'\nsensor at {name}'
+        yield _row('over the oracle', total[name] / total['oracle'], 3)
+        yield _row('over the best linear forecast', total[name] / total['linear'], 3)
+        yield _row('worst sea over the oracle', (every[name] / every['oracle']).max(axis=0), 3)
+        yield _row('over the best baseline', total[name] / best, 3)
         if name != slowest:
-            _print(f'over that at {slowest}', total[name] / total[slowest], 3)
-        _print('90 % held', np.mean([coverage[name] for coverage in held], axis=0), 3)
-
-
-def _print(name, values, digits):
-    print(f'{name:40}'[: 40 if len(name) > 28 else 28], *(f'{value:8.{digits}f}' for value in values), flush=True)
+            yield _row(f'over that at {slowest}', total[name] / total[slowest], 3)
+        yield _row('90 % held', np.mean([coverage[name] for coverage in held], axis=0), 3)
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

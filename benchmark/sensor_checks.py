@@ -7,7 +7,6 @@ rates.
 Run it as ``python benchmark/sensor_checks.py [--records 1000]``.
 """
 
-import argparse
 from collections import Counter
 from dataclasses import dataclass
 
@@ -21,6 +20,7 @@ from swath_sysid.attitude.motion.cleaning import assemble_trial
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import ConvertedReading, CraftSample
 from swath_sysid.attitude.motion.sensor_checks import Contradiction
+from swath_sysid.evaluation.cli.benchmark import Benchmark
 
 GRAVITY = 9.80665
 FINE = 1e-4
@@ -153,17 +153,15 @@ WRONG = {
 }
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--records', type=int, default=1000)
-    count = parser.parse_args().records
+def lines(*, records: int = 1000):
+    """Each false alarm, then what is counted."""
     alarms, found, tried = Counter(), Counter(), Counter()
-    for seed in range(count):
+    for seed in range(records):
         sound = record(seed)
         for judged, faults in (('record', faults_of(sound)), ('live', faults_live(sound))):
             for each in faults:
                 alarms[each.code] += 1
-                print(f'{seed} {judged} ({sound.kind}): [{each.code}] {each.message}')
+                yield f'{seed} {judged} ({sound.kind}): [{each.code}] {each.message}'
         if sound.kind.endswith('all'):
             for code, wrong in WRONG.items():
                 faults = faults_of(Record(sound.kind, sound.time, {**sound.readings, **wrong(sound.readings)}))
@@ -171,13 +169,13 @@ def main():
                 found[code] += any(each.code == code for each in faults)
                 for other in {each.code for each in faults} - {code}:
                     found[f'{code} called {other}'] += 1
-    print(f'{count} sound records: {sum(alarms.values())} false alarms {dict(alarms)}')
-    print(
+    yield f'{records} sound records: {sum(alarms.values())} false alarms {dict(alarms)}'
+    yield (
         'faults put into those with all channels: '
         + ', '.join(f'{code} {found[code]} of {n}' for code, n in tried.items())
     )
-    print('misnamed: ' + (', '.join(f'{what} {n}' for what, n in found.items() if ' ' in what) or 'none'))
+    yield 'misnamed: ' + (', '.join(f'{what} {n}' for what, n in found.items() if ' ' in what) or 'none')
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

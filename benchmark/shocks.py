@@ -10,7 +10,7 @@ the mean, coverage of the 90 % intervals, and the standard deviation issued over
 the steady motion in the last lines. Records are read from the folder that SWATH_SYSID_DATA names.
 """
 
-import argparse
+from typing import Annotated
 
 import numpy as np
 from record_forecasts import buoy
@@ -19,6 +19,7 @@ from restarts import NOISE, Waves, hulls
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE
+from swath_sysid.evaluation.cli.benchmark import Benchmark, Errors, Line
 from swath_sysid.pipeline.record_run import run_through
 
 LEADS = 0.5, 1.0, 2.0, 5.0
@@ -80,39 +81,31 @@ def scores(motion, start, models):
     return (stamps - time[start]) / PERIOD, np.array(errors), np.array(of_mean), np.array(deviations)
 
 
-def main() -> None:
-    """Print a line for each change, axis and span."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('changes', nargs='*', default=[*CHANGES], help=f'of {", ".join(CHANGES)} (default: all)')
-    parser.add_argument('--change', type=float, default=100.0, help='s after the first sample')
-    parser.add_argument('--starts', type=int, default=6, help='at different times of the record')
-    parser.add_argument('--craft', choices=CRAFTS, default='buoy')
-    given = parser.parse_args()
-    if unknown := set(given.changes) - set(CHANGES):
-        parser.error(f'{", ".join(sorted(unknown))} is none of {", ".join(CHANGES)}')
-    row, length = round(10.0 * given.change), round(10.0 * (given.change + SPANS[-1][1] * PERIOD))
-    if given.craft == 'buoy':
-        motions = stretches_of_buoy(given.starts, length)
+def lines(
+    *changes: Annotated[str, CHANGES, f'of {", ".join(CHANGES)} (default: all)'],
+    change: Annotated[float, 's after the first sample'] = 100.0,
+    starts: Annotated[int, 'at different times of the record'] = 6,
+    craft: Annotated[str, CRAFTS] = 'buoy',
+):
+    """A line for each change, axis and span."""
+    row, length = round(10.0 * change), round(10.0 * (change + SPANS[-1][1] * PERIOD))
+    if craft == 'buoy':
+        motions = stretches_of_buoy(starts, length)
     else:
-        motions = [motion_of_craft(seed, length) for seed in range(given.starts)]
-    print(f'leads {LEADS} s; error over that of the mean | held | stated, over the motion')
-    for kind in given.changes:
-        runs = (scores(changed(motion, kind, row), row, CRAFTS[given.craft]) for motion in motions)
+        motions = [motion_of_craft(seed, length) for seed in range(starts)]
+    yield f'leads {LEADS} s; error over that of the mean | held | stated, over the motion'
+    for kind in changes or CHANGES:
+        runs = (scores(changed(motion, kind, row), row, CRAFTS[craft]) for motion in motions)
         at, errors, of_mean, deviations = (np.concatenate(parts) for parts in zip(*runs, strict=True))
-        for axis, name in enumerate(AXES):
+        for place, name in enumerate(AXES):
             for begin, end in SPANS:
-                of_span = (at >= begin) & (at < end)
-                error, mean, deviation = errors[of_span, axis], of_mean[of_span, axis], deviations[of_span, axis]
-                known = np.isfinite(error)
-                held = [
-                    np.mean((np.abs(e) < 1.645 * d)[k]) for e, d, k in zip(error.T, deviation.T, known.T, strict=True)
-                ]
-                rms = np.sqrt(np.nanmean(error**2, axis=0) / np.nanmean(mean**2, axis=0))
-                parts = (
-                    ' '.join(f'{value:5.2f}' for value in values) for values in (rms, held, deviation.mean(axis=0))
+                found, mean = (
+                    Errors(at, each[:, place], deviations[:, place]).within(begin, end) for each in (errors, of_mean)
                 )
-                print(f'{kind:8} {name:5} {begin:5.2f} to {end:5.2f} | ' + ' | '.join(parts), flush=True)
+                rms = np.sqrt(np.nanmean(found.error**2, axis=0) / np.nanmean(mean.error**2, axis=0))
+                figures = {'error': rms, 'held': found.held, 'stated': found.deviation.mean(axis=0)}
+                yield Line(f'{kind:8} {name:5} {begin:5.2f} to {end:5.2f}', figures)
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

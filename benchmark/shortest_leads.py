@@ -8,16 +8,17 @@ clock drifts by 200 ppm. For each lead: root mean square error of the true angle
 noise, how often the 90 % interval held it, and the standard deviation issued, in the same unit.
 """
 
-import argparse
 from itertools import product
+from typing import Annotated
 
 import numpy as np
 
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.evaluation.cli.benchmark import Benchmark
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.pipeline.record_run import followed
 
 LEADS = 0.02, 0.05, 0.1, 0.2, 0.5
 ANGLE_NOISE, RATE_NOISE = 3e-4, 2e-3  #: rad and rad/s; as told.
@@ -66,39 +67,36 @@ def scores(rate: float, noise: float, seconds: float, seed: int):
     sea, leads = Sea(seed), [lead for lead in LEADS if lead * rate > 0.9]
     settings = ForecasterSettings(tuple(leads), horizon=1.0, horizon_step=0.5)
     pipeline, errors, deviations = ForecastPipeline(PipelineSettings(forecaster=settings)), [], []
-    for sample in samples(sea, rate, 60.0 + seconds, noise, seed + 100):
-        step = pipeline.add_sample(sample)
-        if step.sea_request is not None:
-            pipeline.install(fit_sea(step.sea_request))
-        if step.forecast is None or sample.stamp_ns < 60e9:
+    for step in followed(pipeline, samples(sea, rate, 60.0 + seconds, noise, seed + 100)):
+        if step.forecast is None or step.sample.stamp_ns < 60e9:
             continue
         # the time that the sensor's clock calls so many seconds ahead
-        at = (sample.stamp_ns * 1e-9 + step.forecast.leads) / (1.0 + DRIFT)
+        at = (step.sample.stamp_ns * 1e-9 + step.forecast.leads) / (1.0 + DRIFT)
         errors.append([step.forecast.angle(axis) - sea.motion(axis, at)[0] for axis in AXES])
         deviations.append(step.forecast.deviation[:, : len(AXES)].T)
     return leads, np.array(errors) / ANGLE_NOISE, np.array(deviations) / ANGLE_NOISE
 
 
-def main() -> None:
-    """Print a line for each rate, noise and lead."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--rates', type=float, nargs='+', default=[25.0, 50.0, 100.0, 200.0], metavar='HZ')
-    parser.add_argument('--noise', type=float, nargs='+', default=[0.5, 1.0, 2.0], help='over the noise told')
-    parser.add_argument('--seconds', type=float, default=60.0, help='scored after the first 60')
-    parser.add_argument('--seed', type=int, default=1)
-    given = parser.parse_args()
-    print('rate noise | lead s: error, held, stated (roll) (pitch)')
-    for rate, noise in product(given.rates, given.noise):
-        leads, errors, deviations = scores(rate, noise, given.seconds, given.seed)
+def lines(
+    *,
+    rates: Annotated[float, 'Hz'] = (25.0, 50.0, 100.0, 200.0),
+    noise: Annotated[float, 'over the noise told'] = (0.5, 1.0, 2.0),
+    seconds: Annotated[float, 'scored after the first 60'] = 60.0,
+    seed: int = 1,
+):
+    """A line for each rate, noise and lead."""
+    yield 'rate noise | lead s: error, held, stated (roll) (pitch)'
+    for rate, share in product(rates, noise):
+        leads, errors, deviations = scores(rate, share, seconds, seed)
         held = np.abs(errors) < 1.6449 * deviations
-        line = f'{rate:4.0f} {noise:4.1f}'
+        line = f'{rate:4.0f} {share:4.1f}'
         for k, lead in enumerate(leads):
             line += f' | {lead:g}:'
             for axis in range(len(AXES)):
                 rms = np.sqrt(np.mean(errors[:, axis, k] ** 2))
                 line += f' {rms:5.2f} {held[:, axis, k].mean():.2f} {deviations[:, axis, k].mean():5.2f}'
-        print(line, flush=True)
+        yield line
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

@@ -5,10 +5,10 @@ anywhere in a window, a tenth of its restoring moment is gone in the same sea; i
 changes.  Printed: when the watch says so, by how much, and how often it warned where nothing had changed.
 """
 
-import argparse
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from swath_sysid.attitude.hull.catalogue import hull_named  # noqa: E402
 from swath_sysid.attitude.hull.terms import DAMPING_NAMES, TERM_NAMES  # noqa: E402
 from swath_sysid.attitude.identification.stability_watch import PeriodEstimate, StabilityWatch  # noqa: E402
 from swath_sysid.attitude.motion.trial import AxisMotion  # noqa: E402
+from swath_sysid.evaluation.cli.benchmark import Benchmark  # noqa: E402
 from swath_sysid.formats.identify_records import identify_at_sea  # noqa: E402
 
 WINDOW, INTERVAL, SETTLING = 600.0, 0.1, 60.0
@@ -63,7 +64,7 @@ def measured(seeds, legs):
         parts.append((angle[:steps], rate[:steps]))
         begin += steps
     assert np.isfinite(angle).all(), 'a hull capsized: choose a smaller STD'
-    rng = np.random.default_rng(seeds)
+    rng = np.random.default_rng([*seeds])
     return [
         np.concatenate(part) + rng.normal(0.0, noise, (begin - round(SETTLING / INTERVAL), len(seeds)))
         for part, noise in zip(zip(*parts, strict=True), NOISE, strict=True)
@@ -81,37 +82,26 @@ def watched(angle, rate, since=0.0):
         yield end, watch.newest
 
 
-def main():
-    """Print a line a seed."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seeds', type=int, default=20)
-    parser.add_argument('--hours', type=float, default=6.0, help='without a change; 0: leave these runs out')
-    arguments = parser.parse_args()
-    seeds = list(range(arguments.seeds))
-    angle, rate = measured(seeds, [(HULL, BEFORE), (with_height(0.9), AFTER + WINDOW)])
-    for seed in seeds:
+def lines(*, seeds: int = 20, hours: Annotated[float, 'without a change; 0: leave these runs out'] = 6.0):
+    """A line a seed."""
+    angle, rate = measured(range(seeds), [(HULL, BEFORE), (with_height(0.9), AFTER + WINDOW)])
+    for seed in range(seeds):
         since = np.random.default_rng(seed).uniform(0.0, WINDOW)
         said = [(end - BEFORE, each) for end, each in watched(angle[:, seed], rate[:, seed], since) if each is not None]
         warned = [(late, each) for late, each in said if each.warning]
         found = f'{warned[0][0] / 60.0:.0f} min after' if warned else 'not'
         last = max((pair for pair in said if pair[0] <= AFTER), key=lambda pair: pair[0])[1]
-        print(
-            f'seed {seed}: found {found}; GM half an hour after {last.relative:.3f} '
-            f'({last.interval[0]:.3f} to {last.interval[1]:.3f})',
-            flush=True,
-        )
-    if not arguments.hours:
+        low, high = last.interval
+        yield f'seed {seed}: found {found}; GM half an hour after {last.relative:.3f} ({low:.3f} to {high:.3f})'
+    if not hours:
         return
-    angle, rate = measured([1000 + seed for seed in seeds], [(HULL, 3600.0 * arguments.hours)])
-    for seed in seeds:
+    angle, rate = measured([1000 + seed for seed in range(seeds)], [(HULL, 3600.0 * hours)])
+    for seed in range(seeds):
         said = [each for _, each in watched(angle[:, seed], rate[:, seed]) if each is not None]
         alarms = sum(bool(each.warning) for each in said)
-        print(
-            f'seed {seed}: {len(said)} judgements in {arguments.hours:g} h without a change, {alarms} warnings, '
-            f'GM at the end {said[-1].relative:.3f}',
-            flush=True,
-        )
+        end = f'GM at the end {said[-1].relative:.3f}'
+        yield f'seed {seed}: {len(said)} judgements in {hours:g} h without a change, {alarms} warnings, {end}'
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

@@ -10,11 +10,11 @@ its size, at .5, 1 and 2 peak periods.
     OMP_NUM_THREADS=1 python benchmark/upstream.py --cost
 """
 
-import argparse
 import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -22,6 +22,7 @@ from scipy.interpolate import CubicSpline
 from swath_sysid.attitude.motion.trial import Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
+from swath_sysid.evaluation.cli.benchmark import Benchmark
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.record_run import ArrivingSamples, UpstreamSeries, run_through, samples_of
 
@@ -120,9 +121,10 @@ def forecasts(sea: Sea, series: UpstreamSeries | None, spans, seed: int):
     return scored(sea, run_through(trial, SETTINGS, upstream={} if series is None else {'probe': series}), spans)
 
 
-def compare(seeds: int) -> None:
-    """Print the errors of each sea, with the probe and without."""
-    print('peak periods ahead'.ljust(44), *(f'{lead / PERIOD:6.2f}' for lead in LEADS), ' 90 % intervals cover')
+def compare(seeds: int):
+    """The errors of each sea, with the probe and without."""
+    columns = ' '.join(f'{lead / PERIOD:6.2f}' for lead in LEADS)
+    yield f'{"peak periods ahead":44} {columns}  90 % intervals cover'
     span = [(LEARNT, LEARNT + SCORED - LEADS[-1])]
     for spread, away in ((10.0, 1.0), (None, 1.0), (10.0, 2.0), (None, 2.0)):
         results = []
@@ -134,7 +136,7 @@ def compare(seeds: int) -> None:
         crests = 'long-crested' if spread is None else f'spread, s = {spread:g}'
         for name, (error, coverage) in zip(('own motion', 'with the probe'), of_all, strict=True):
             row = f'{crests}, {away:g} wavelengths: {name}'
-            print(row.ljust(44), *(f'{e:6.3f}' for e in error), ' ', *(f'{100 * c:.0f}' for c in coverage), flush=True)
+            yield ' '.join([f'{row:44}', *(f'{e:6.3f}' for e in error), ' ', *(f'{100 * c:.0f}' for c in coverage)])
 
 
 def faults() -> dict:
@@ -176,10 +178,10 @@ def faults() -> dict:
     }
 
 
-def fail(seeds: int) -> None:
-    """Print each fault's errors over those without the probe, and after it over those of a probe without faults."""
+def fail(seeds: int):
+    """Each fault's errors over those without the probe, and after it over those of a probe without faults."""
     columns = ' '.join(f'{lead / PERIOD:6.2f}' for lead in LEADS)
-    print(f'{"over the forecast without the probe at peak periods":52} {columns} | 120 s after: {columns}')
+    yield f'{"over the forecast without the probe at peak periods":52} {columns} | 120 s after: {columns}'
     without_probe = {}
     for name, (changes, spoilt) in faults().items():
         end = 2.0 * END - BEGIN if 'distance' in changes else END
@@ -195,11 +197,12 @@ def fail(seeds: int) -> None:
             squares.append([without_probe[same_sea] ** 2, forecasts(sea, series, spans, seed)[0] ** 2])
         without, found = np.sqrt(np.mean(squares, axis=0))
         during, after = found / without
-        print(f'{name:52}', *(f'{r:6.2f}' for r in during), '|'.ljust(14), *(f'{r:6.2f}' for r in after), flush=True)
+        parts = *(f'{r:6.2f}' for r in during), f'{"|":14}', *(f'{r:6.2f}' for r in after)
+        yield ' '.join([f'{name:52}', *parts])
 
 
-def cost() -> None:
-    """Print what a sample of 100 Hz takes with a probe and without, and a refit."""
+def costs():
+    """What a sample of 100 Hz takes with a probe and without, and a refit."""
     sea = make_sea(1, 500.0)
     fine = np.arange(0.0, 480.0, 0.01)
     roll, rate, probe = (CubicSpline(sea.time, values)(fine) for values in (sea.roll, sea.rate, sea.probe))
@@ -221,28 +224,22 @@ def cost() -> None:
                 refits.append(time.process_time() - begun)
                 pipeline.install(fit)
         settled = np.array(spent[len(spent) // 2 :])
-        print(
+        yield (
             f'{"with the probe" if names else "own motion":15} {1e6 * settled.mean():6.0f} us a sample (median '
             f'{1e6 * np.median(settled):.0f}), {1e3 * np.median(refits):.0f} ms a refit '
-            f'(longest {1e3 * max(refits):.0f})',
-            flush=True,
+            f'(longest {1e3 * max(refits):.0f})'
         )
 
 
-def main() -> None:
-    """Print what was asked for."""
-    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
-    parser.add_argument('--seeds', type=int, default=10)
-    parser.add_argument('--faults', action='store_true', help='a probe that fails, lies or moves')
-    parser.add_argument('--cost', action='store_true', help='time of a sample and of a fit')
-    arguments = parser.parse_args()
-    if arguments.cost:
-        cost()
-    elif arguments.faults:
-        fail(arguments.seeds)
-    else:
-        compare(arguments.seeds)
+def lines(
+    *,
+    seeds: int = 10,
+    faults: Annotated[bool, 'a probe that fails, lies or moves'] = False,
+    cost: Annotated[bool, 'time of a sample and of a fit'] = False,
+):
+    """What was asked for."""
+    return costs() if cost else fail(seeds) if faults else compare(seeds)
 
 
 if __name__ == '__main__':
-    main()
+    raise SystemExit(Benchmark(__doc__, lines).run())

@@ -29,7 +29,6 @@ from swath_sysid.attitude.identification.sea_motion import Heave, sea_motion, ta
 from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.window import COLUMNS, MotionTable
 from swath_sysid.attitude.prediction.hull_watch import HullChange, HullLook, HullWatch, Ratio, hull_change
-from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.cli.main import main
 from swath_sysid.common.cancelling import Cancelled
 from swath_sysid.common.errors import InputError
@@ -39,7 +38,7 @@ from swath_sysid.formats.reading import read_trial
 from swath_sysid.pipeline.forecast_health import PredictorHealth
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline
 from swath_sysid.pipeline.health import WARN
-from swath_sysid.pipeline.record_run import samples_of
+from swath_sysid.pipeline.record_run import followed, samples_of
 from swath_sysid.report.fit_summary import at_sea_as_data, at_sea_in_words
 
 ROLL = hull_named('swath-roll').model
@@ -473,10 +472,8 @@ def test_the_status_reports_a_changed_stiffness_within_minutes():
     damping, frequency = 0.5 * faster, LINEAR.natural_frequency * faster * 1.13
     pipeline = ForecastPipeline()
     pipeline.set_models({'roll': IdentifiedModel.exactly(DecayModel.of(b1=damping, r1=frequency**2, axis='roll'))})
-    for sample in samples_of(trial.between(None, trial.time[0] + 95.0)):
-        step = pipeline.add_sample(sample)
-        if step.sea_request is not None:
-            pipeline.install(fit_sea(step.sea_request))
+    for _ in followed(pipeline, samples_of(trial.between(None, trial.time[0] + 95.0))):
+        pass
     (report,) = (r for r in PredictorHealth('imu', pipeline).reports(95.0, pipeline.newest_ns) if r.name == 'forecast')
     assert 'hull-changed' in report.codes and report.level == WARN and 'less stiffness' in report.message
 

@@ -24,7 +24,7 @@ from swath_sysid.formats.forecast_output import ForecastMessages, forecast_topic
 from swath_sysid.formats.messages import imu_reading, stamp_ns, typestore
 from swath_sysid.formats.topics import CALM_TOPIC, NEXT_TOPIC, SEA_TOPIC, type_of
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.pipeline.record_run import run_through, samples_of
+from swath_sysid.pipeline.record_run import followed, run_through, samples_of
 
 RATE, SENT = 50.0, ForecastMessages('craft')
 SETTINGS = PipelineSettings(forecaster=ForecasterSettings(leads=(0.5, 1.0), horizon=2.0, forecast_rate=10.0))
@@ -39,12 +39,7 @@ def craft(period=2.6, damping=0.08):
 def play(readings, models=None, settings=SETTINGS):
     pipeline = ForecastPipeline(settings)
     pipeline.set_models(models or {})
-    steps = []
-    for one in readings:
-        steps.append(pipeline.add(one))
-        if steps[-1].sea_request is not None:
-            pipeline.install(fit_sea(steps[-1].sea_request))
-    return pipeline, steps
+    return pipeline, list(followed(pipeline, readings))
 
 
 @pytest.fixture(scope='module')

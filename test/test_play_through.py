@@ -36,6 +36,7 @@ from swath_sysid.formats.topics import type_of
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.health import ERROR
 from swath_sysid.pipeline.play_through import PlayedHealth, PlayThrough, PlayThroughSettings
+from swath_sysid.pipeline.record_run import followed
 
 HULL = IdentifiedModel.exactly(hull_named('swath-roll').model)
 
@@ -99,12 +100,9 @@ def test_two_runs_give_the_same_messages_bit_for_bit_as_a_type_system_writes_the
 def test_forecasts_are_those_of_the_predictor_core(bag, played):
     pipeline, sent, expected = ForecastPipeline(), ForecastMessages('base_link'), {}
     model_time = decoded(played, '/model/description')[0][0]
-    for reading in read_readings(bag):
-        step = pipeline.add(reading)
-        if step.sea_request is not None:
-            pipeline.install(fit_sea(step.sea_request))
-        for _, raw in sent.next_of(step) if reading.stamp_ns < model_time else ():
-            expected[reading.stamp_ns] = raw
+    for step in followed(pipeline, read_readings(bag)):
+        for _, raw in sent.next_of(step) if step.sample.stamp_ns < model_time else ():
+            expected[step.sample.stamp_ns] = raw
     published = [(time, raw) for topic, _, time, raw in messages_of(played) if topic == '/forecast/next']
     assert len(expected) > 300 and {time: raw for time, raw in published if time < model_time} == expected
 

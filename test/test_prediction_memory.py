@@ -10,7 +10,6 @@ from scipy.linalg import block_diag
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.rows import CHANNELS
-from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.attitude.prediction.sea_memory import SeaMemory, at_step
 from swath_sysid.attitude.prediction.state_space import InnovationsFilter, InnovationsModel
 from swath_sysid.attitude.prediction.variate_analysis import identify
@@ -18,7 +17,7 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.formats.reading import read_trial
 from swath_sysid.formats.sea_memory_file import MATRICES, read_sea_memory, write_sea_memory
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
-from swath_sysid.pipeline.record_run import samples_of
+from swath_sysid.pipeline.record_run import followed, samples_of
 from swath_sysid.share import share_folder
 
 LEADS = (0.3, 0.5, 1.0)
@@ -33,12 +32,9 @@ def played(trial, memory=None):
     pipeline, errors = ForecastPipeline(SETTINGS), []
     pipeline.remember(memory)
     angles = np.stack([trial.channels[axis] for axis in AXES], axis=1)
-    for sample in samples_of(trial):
-        step = pipeline.add_sample(sample)
-        if step.sea_request is not None:
-            pipeline.install(fit_sea(step.sea_request))
+    for step in followed(pipeline, samples_of(trial)):
         if step.forecast is not None:
-            due = trial.time[0] + sample.stamp_ns * 1e-9 - trial.time[0] + np.array(LEADS)
+            due = trial.time[0] + step.sample.stamp_ns * 1e-9 - trial.time[0] + np.array(LEADS)
             came = np.stack([np.interp(due, trial.time, angle, right=np.nan) for angle in angles.T], axis=1)
             errors.append((step.forecast.mean[:, : len(AXES)] - came) ** 2)
     return pipeline, np.array(errors)

@@ -11,8 +11,8 @@ from swath_sysid.attitude.identification.fit_quality import ADEQUATE_ERROR
 from swath_sysid.attitude.motion.attitude import euler_angles
 from swath_sysid.attitude.motion.intake import NANOSECOND, ImuReading
 from swath_sysid.attitude.motion.trial import AXES
-from swath_sysid.attitude.prediction.sea_fit import fit_sea
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
+from swath_sysid.pipeline.record_run import followed
 
 UNAWARE = 0.3  #: s after the release; no forecast issued earlier can know of it.
 SCORED_SPAN = 10.0  #: s of motion after the release that are scored.
@@ -120,12 +120,9 @@ def without_model(readings: Iterable[ImuReading], axis: str, settings: PipelineS
     """Forecasts of the same messages without a model: by lead, s, rows of stamp, ns, angle and standard deviation."""
     pipeline = ForecastPipeline(settings)
     found: dict[float, list[tuple]] = {lead: [] for lead in settings.forecaster.leads}
-    for reading in readings:
-        step = pipeline.add(reading)
-        if step.sea_request is not None:
-            pipeline.install(fit_sea(step.sea_request))
+    for step in followed(pipeline, readings):
         if step.forecast is not None:
             angles, deviations = step.forecast.angle(axis), step.forecast.deviation[:, AXES.index(axis)]
             for lead, angle, deviation in zip(found, angles.tolist(), deviations.tolist(), strict=True):
-                found[lead].append((reading.stamp_ns + round(lead / NANOSECOND), angle, deviation))
+                found[lead].append((step.forecast.stamp_ns + round(lead / NANOSECOND), angle, deviation))
     return found

@@ -1,7 +1,7 @@
 """The forecast pipeline run causally through a record, with sea fits used by stamp."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from heapq import merge
 from typing import NamedTuple
@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from swath_sysid.attitude.hull.identified_model import IdentifiedModel
-from swath_sysid.attitude.motion.intake import CraftSample
+from swath_sysid.attitude.motion.intake import CraftSample, ImuReading
 from swath_sysid.attitude.motion.trial import CHANNELS, FURTHER_CHANNELS, Trial
 from swath_sysid.attitude.prediction.forecast import Forecast
-from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
+from swath_sysid.attitude.prediction.forecaster import ForecasterSettings, ForecastStep
 from swath_sysid.attitude.prediction.outlook import Outlook
 from swath_sysid.attitude.prediction.quiescence import QuiescenceLimits, Reliability
 from swath_sysid.attitude.prediction.sea_fit import fit_sea
@@ -93,6 +93,15 @@ class ArrivingSamples:
         while self._next is not None and self._next[0] <= stamp_ns:
             self._add(*self._next[1:])
             self._next = next(self._samples, None)
+
+
+def followed(pipeline: ForecastPipeline, samples: Iterable[CraftSample | ImuReading]) -> Iterator[ForecastStep]:
+    """Every sample's step; what is to be learnt of the sea is learnt at once."""
+    for sample in samples:
+        step = pipeline.add_sample(sample) if isinstance(sample, CraftSample) else pipeline.add(sample)
+        if step.sea_request is not None:
+            pipeline.install(fit_sea(step.sea_request))
+        yield step
 
 
 def run_through(

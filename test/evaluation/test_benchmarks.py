@@ -1,6 +1,8 @@
 """The benchmarks: tables as the code gives them, no row that looks ahead, and an oracle that is one."""
 
+import json
 import re
+from typing import Annotated
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from repository import ROOT
 from scipy.linalg import companion
 
 from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.evaluation.cli.benchmark import Benchmark, Errors, Line
 
 
 @pytest.fixture
@@ -175,3 +178,28 @@ def test_forecasts_in_a_sea_come_near_those_of_the_filter_that_knows_everything(
     assert np.all(ours < 1.3 * best) and np.all(ours < 1.03)
     assert np.all(best[:2] < np.min([nrmse[name][:2] for name in ('ar_40', 'var_40', 'var_60')], axis=0))
     assert np.all(np.abs(coverage['10 Hz'] - 0.9) < 0.06)
+
+
+def test_a_benchmark_takes_flags_from_its_function_and_tells_its_lines_as_text_or_json(capsys):
+    def lines(*cases: Annotated[str, ('a', 'b'), 'which'], rates: Annotated[float, 'Hz'] = (1.0,), still: bool = False):
+        yield f'heading of {cases}'
+        yield Line('case', {'error': np.array(rates), 'held': [0.5, np.nan]}, '4.1f')
+        return 1 if still else None
+
+    benchmark = Benchmark('Of two cases.', lines)
+    assert benchmark.run(['a', 'b', '--rates', '2', '3', '--still']) == 1
+    assert capsys.readouterr().out == "heading of ('a', 'b')\ncase |  2.0  3.0 |  0.5  nan\n"
+    assert benchmark.run(['--json']) == 0
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert told == [{'text': 'heading of ()'}, {'label': 'case', 'error': [1.0], 'held': [0.5, None]}]
+    for wrong in (['c'], ['--rates', 'x'], ['--rate', '1', '--unknown']):
+        with pytest.raises(SystemExit):
+            benchmark.run(wrong)
+
+
+def test_errors_are_scored_by_age_over_what_came():
+    error = np.array([[1.0, 3.0], [-2.0, np.nan], [9.0, 9.0]])
+    found = Errors.joined([(np.array([0.0, 0.5]), error[:2], np.ones((2, 2))), ([1.0], error[2:], np.ones((1, 2)))])
+    now = found.within(0.0, 1.0)
+    assert now.rms == pytest.approx([np.sqrt(2.5), 3.0]) and now.held.tolist() == [0.5, 0.0]
+    assert found.within(1.0, 2.0).error.tolist() == [[9.0, 9.0]]
