@@ -205,7 +205,7 @@ class Bank:
         """Score past forecasts of the angles (A,) of the newest row; issue others."""
         self._at_row = mean, covariance = self._forecasts(self._step * self._steps, self._steps.astype(float))
         count = measured.size
-        centre, largest = self._bounds(np.zeros(count))
+        centre, largest = self._bounds([0.0] * count)
         self.state = self.pool.take(
             self.state,
             measured,
@@ -216,15 +216,15 @@ class Bank:
             largest,
         )
 
-    def _bounds(self, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _bounds(self, doubts: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
         """What no forecast of an angle is further from, and by how much at most, (A,): no wilder than the motion.
 
-        The motion is that of the last two periods, the present displacement or the ``doubt`` (A,), variance.
+        The motion is that of the last two periods, the present displacement or the ``doubts`` (A,), variances.
         """
         centre = np.array([axis.size.mean if axis.size.mean == axis.size.mean else 0.0 for axis in self._axes])
         largest = [
             THREE_STD * max(axis.size.extent, math.sqrt(max(axis.noise[0], unknown)))
-            for axis, unknown in zip(self._axes, doubt.tolist(), strict=True)
+            for axis, unknown in zip(self._axes, doubts, strict=True)
         ]
         return centre, np.array(largest)
 
@@ -247,9 +247,7 @@ class Bank:
 
     def limit(self, mean: np.ndarray, covariance: np.ndarray) -> None:
         """Make means (L, 4) and covariances (L, 4, 4) of the motion no wilder than it is."""
-        level, reach = self._bounds(np.array([axis.doubt_of_angle for axis in self._axes]))
-        rate = 2.0 * math.pi / self._period
-        bound(mean, covariance, np.append(level, 0.0 * level), np.append(reach, rate * reach))
+        bound(mean, covariance, *self._bounds([axis.doubt_of_angle for axis in self._axes]), math.tau / self._period)
 
     def gain_of(self, channel: str) -> np.ndarray:
         """Share of the least running error (S, A) of the others that candidates with an upstream channel save.
@@ -310,22 +308,24 @@ class Bank:
 
 
 @accelerated
-def bound(mean: np.ndarray, covariance: np.ndarray, centre: np.ndarray, largest: np.ndarray) -> None:
-    """Make means (L, M) and covariances (L, M, M) no wilder than the motion of the last two periods or the present
-    displacement, whichever is ``largest`` (M,), about a centre (M,).
+def bound(mean: np.ndarray, covariance: np.ndarray, centre: np.ndarray, largest: np.ndarray, rate: float) -> None:
+    """Make means (L, 2 A) and covariances (L, 2 A, 2 A) no wilder than the motion of the last two periods or the
+    present displacement, whichever is ``largest`` (A,), about a centre (A,); rates are by this factor those of angles.
     """
-    for lead in range(len(mean)):
-        for target in range(mean.shape[1]):
-            low, high = centre[target] - largest[target], centre[target] + largest[target]
-            if mean[lead, target] < low:
-                mean[lead, target] = low
-            elif mean[lead, target] > high:
-                mean[lead, target] = high
+    for target in range(mean.shape[1]):
+        middle, most = 0.0, rate * largest[target % len(centre)]
+        if target < len(centre):
+            middle, most = centre[target], largest[target]
+        for lead in range(len(mean)):
+            if mean[lead, target] < middle - most:
+                mean[lead, target] = middle - most
+            elif mean[lead, target] > middle + most:
+                mean[lead, target] = middle + most
             deviation = np.sqrt(covariance[lead, target, target])
-            if deviation > largest[target]:
+            if deviation > most:
                 for other in range(mean.shape[1]):
-                    covariance[lead, target, other] *= largest[target] / deviation
-                    covariance[lead, other, target] *= largest[target] / deviation
+                    covariance[lead, target, other] *= most / deviation
+                    covariance[lead, other, target] *= most / deviation
 
 
 def without_noise(covariance: np.ndarray, noise: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import chdtri
 
 from swath_sysid.attitude.hull.decay_model import DecayModel, composed
@@ -339,7 +340,7 @@ class HullFilter:
         ends = np.cumsum([0, *[m.size for m in self.moments]]).tolist()
         self._of_moment = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
         self._parts = [slice(HULL_STATES + part.start, HULL_STATES + part.stop) for part in self._of_moment]
-        self._inverses = [np.linalg.pinv(m.stationary, hermitian=True) for m in self.moments]
+        self._inverse = block_diag(*[np.linalg.pinv(m.stationary, hermitian=True) for m in self.moments])
         whole = sum_of_moments(self.moments, self.levels)
         self.driven.moment = np.ascontiguousarray(whole.blocks), whole.output, whole.stationary
 
@@ -479,13 +480,13 @@ class HullFilter:
 
     def _judge_levels(self, elapsed: float):
         """Let each moment's size follow what its estimated states support."""
-        for place, (moment, part, inverse) in enumerate(zip(self.moments, self._parts, self._inverses, strict=True)):
-            level = float(self.levels[place])
-            state, covariance = self.driven.x[part], self.driven.P[part, part]
-            known = moment.size - float(np.vdot(inverse, covariance)) / level
-            square = float(state @ inverse @ state) / level
+        state, covariance = self.driven.x[HULL_STATES:], self.driven.P[HULL_STATES:, HULL_STATES:]
+        told = state * (self._inverse @ state) + (self._inverse * covariance).sum(axis=1)
+        for place, part in enumerate(self._of_moment):
+            level, size = self.levels.item(place), part.stop - part.start
             gain = min(elapsed / (LEVEL_TIMES[place] * self.period), 1.0)
-            self._set_level(place, level * math.exp(gain * min(max((square - known) / moment.size, -1.0), 2.0)))
+            excess = sum(told[part].tolist()) / (level * size) - 1.0
+            self._set_level(place, level * math.exp(gain * min(max(excess, -1.0), 2.0)))
 
     def advice(self) -> tuple[Advice, ...]:
         """Whether the waves, or the craft in still water, contradict the model.

@@ -301,7 +301,7 @@ class HullTrack(ExtendedKalmanFilter):
 
     def __init__(self) -> None:
         super().__init__(dim_x=HULL_STATES, dim_z=2)
-        self.moment = NO_MOMENT
+        self.moment, self._rows, self._noise = NO_MOMENT, np.empty((2, 0)), np.zeros((2, 2))
         self.strain = 1.0
         self.set_state(np.zeros(HULL_STATES), np.eye(HULL_STATES))
         self.set_hull(None, np.zeros((HULL_STATES - TRIM,) * 2))
@@ -319,8 +319,9 @@ class HullTrack(ExtendedKalmanFilter):
     def set_state(self, mean: np.ndarray, covariance: np.ndarray) -> None:
         """Replace the state, of whatever size."""
         self.x, self.P = np.array(mean), np.array(covariance)
-        self.dim_x = n = self.x.size
-        self._I, self._rows, self._noise = np.eye(n), np.eye(2, n), np.zeros((2, 2))
+        if self.x.size != len(self._rows.T):
+            self.dim_x = n = self.x.size
+            self._I, self._rows = np.eye(n), np.eye(2, n)
         self.foreseen = None
 
     def set_part(self, places: slice, mean: Any, covariance: np.ndarray) -> None:
