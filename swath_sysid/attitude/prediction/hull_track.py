@@ -139,11 +139,13 @@ def turn(f: np.ndarray, c: np.ndarray) -> None:
 def _noise_each(f: np.ndarray, stationary: np.ndarray, drift: np.ndarray, step: float) -> np.ndarray:
     """Covariance (n, n) that a step adds, without the rows of angle and rate."""
     noise, first = np.zeros(f.shape), HULL_STATES
-    noise[first:, first:] = stationary
+    for i in range(len(stationary)):
+        for j in range(len(stationary)):
+            noise[first + i, first + j] = -stationary[i, j]
     turn(f, noise)
     for i in range(len(stationary)):
         for j in range(len(stationary)):
-            noise[first + i, first + j] = stationary[i, j] - noise[first + i, first + j]
+            noise[first + i, first + j] += stationary[i, j]
     for i in range(len(drift)):
         for j in range(len(drift)):
             noise[TRIM + i, TRIM + j] = step * drift[i, j]
@@ -179,19 +181,17 @@ def _move_each(
         by_rest[k] = slopes[1, k] / gain[1] if k < first else held[k - first]
         for j in range(n):
             with_rest[j] += by_rest[k] * c[k, j]
-    variance += inner(by_rest, with_rest)
-    moved = np.empty((2, 2))
-    for i in range(2):
-        for j in range(2):
-            moved[i, j] = gain[i] * gain[j] * variance
-            for k in range(2):
-                moved[i, j] += with_rest[k] * (slopes[i, k] * gain[j] + slopes[j, k] * gain[i])
-                for m in range(2):
-                    moved[i, j] += slopes[i, k] * c[k, m] * slopes[j, m]
-    for j in range(TRIM, n):
+    for j in range(n):
         x, y = c[0, j], c[1, j]
         for i in range(2):
-            c[i, j] = c[j, i] = slopes[i, 0] * x + slopes[i, 1] * y + gain[i] * with_rest[j]
+            c[i, j] = slopes[i, 0] * x + slopes[i, 1] * y + gain[i] * with_rest[j]
+    for i in range(2):
+        x, y, rest = c[i, 0], c[i, 1], inner(by_rest, c[i]) + gain[i] * variance
+        for j in range(2):
+            c[i, j] = slopes[j, 0] * x + slopes[j, 1] * y + gain[j] * rest
+        for j in range(TRIM, n):
+            c[j, i] = c[i, j]
+    c[1, 0] = c[0, 1]
     turn(f, c)
     for i in range(TRIM, n):
         for j in range(2):
@@ -199,7 +199,6 @@ def _move_each(
             c[j, i] = c[i, j]
         for j in range(TRIM, n):
             c[i, j] += noise[i, j]
-    c[:2, :2] = moved
     for k in range(first, n, 2):
         x, y = mean[k], mean[k + 1]
         mean[k], mean[k + 1] = f[k, k] * x + f[k, k + 1] * y, f[k + 1, k] * x + f[k + 1, k + 1] * y
@@ -248,9 +247,7 @@ def predict(
     """
     blocks, output, stationary = moment
     means, spreads = np.empty((durations.size, 2)), np.empty((durations.size, 2, 2))
-    of_states, n, before = np.zeros(mean.size), mean.size, 0.0
-    f, held = transition(blocks, output, before)
-    noise = noise_of(f, stationary, drift, before)
+    of_states, n, before = np.zeros(mean.size), mean.size, -1.0
     for lead in range(durations.size):
         duration = durations[lead]
         count = max(1, math.ceil(duration / longest - 1e-6)) if duration > 0.0 else 0
@@ -259,8 +256,8 @@ def predict(
         if abs(step - before) > 1e-12:
             f, held = transition(blocks, output, step)
             noise, before = noise_of(f, stationary, drift, step), step
-        for k in range(HULL_STATES, n):
-            of_states[k] = 0.5 * inner(output, noise[k, HULL_STATES:])
+            for k in range(HULL_STATES, n):
+                of_states[k] = 0.5 * inner(output, noise[k, HULL_STATES:])
         driven = of_states, 0.5 * inner(output, of_states[HULL_STATES:])
         for _ in range(count):
             mean_moment = inner(held, mean[HULL_STATES:])
