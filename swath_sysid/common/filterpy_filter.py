@@ -1,7 +1,7 @@
 """filterpy's extended Kalman filter without two parts of scipy.
 
-Its statistics, for a likelihood that nobody here asks for, would take half a second of processor time at a start, and
-30 MB; its inverse of a few rows takes a quarter of an update.
+Its statistics, for a likelihood that nobody asks for, would take half a second and 30 MB at a start, and its inverse
+takes a quarter of an update.
 """
 
 import sys
@@ -22,7 +22,7 @@ def log_density(*arguments: Any, **named: Any) -> float:
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Of a covariance (n, n): of one or two measurements in closed form."""
+    """Of the covariance (n, n) of measurements; of two in closed form."""
     if len(matrix) != 2:
         return np.linalg.inv(matrix)
     a, b, c, d = matrix.ravel().tolist()

@@ -380,7 +380,7 @@ def diagnose(
         interval,
         {name: axis.identified is not None for name, axis in axes.items()},
         has_waves,
-        {name: axis.hull.strain for name, axis in started.items()},
+        {name: axis.hull.active.strain for name, axis in started.items()},
         nrmse,
         coverage,
         names,

@@ -248,11 +248,6 @@ class HullFilter:
         return self.active.P
 
     @property
-    def strain(self) -> float:
-        """Running mean of the innovations squared over their expectation; one is healthy."""
-        return self.active.strain
-
-    @property
     def learns_hull(self) -> bool:
         """Whether trim and ratios are learnt: not while an unknown moment may explain any motion."""
         return self._may_learn and self._quiet > LEVEL_TIMES[0] * self.period

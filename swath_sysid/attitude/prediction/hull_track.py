@@ -159,21 +159,13 @@ def _noise_at_once(f: np.ndarray, stationary: np.ndarray, drift: np.ndarray, ste
     return noise
 
 
-def _move_each(
-    f: np.ndarray,
-    slopes: np.ndarray,
-    held: np.ndarray,
-    noise: np.ndarray,
-    driven: tuple,
-    mean: np.ndarray,
-    c: np.ndarray,
-) -> None:
+def _move_each(over: tuple, slopes: np.ndarray, mean: np.ndarray, c: np.ndarray) -> None:
     """Move the moment's mean (of the state, (n,)) and the covariance (n, n) over a step, in place.
 
-    ``held`` (2 B,) is the output that acts on angle and rate, ``driven`` the covariance (n,) of the noise in it with
-    the state, and its variance.
+    ``over`` it: transition, output (2 B,) that acts on angle and rate, noise, that of the output with the state (n,),
+    and its variance.
     """
-    n, first, (of_states, variance) = len(c), HULL_STATES, driven
+    n, first, (f, held, noise, of_states, variance) = len(c), HULL_STATES, over
     # all but the motion acts on the angle as on the rate, but for the gain
     gain = slopes[:, first]
     by_rest, with_rest = np.zeros(n), np.zeros(n)
@@ -204,16 +196,8 @@ def _move_each(
         mean[k], mean[k + 1] = f[k, k] * x + f[k, k + 1] * y, f[k + 1, k] * x + f[k + 1, k + 1] * y
 
 
-def _move_at_once(
-    f: np.ndarray,
-    slopes: np.ndarray,
-    held: np.ndarray,
-    noise: np.ndarray,
-    driven: tuple,
-    mean: np.ndarray,
-    c: np.ndarray,
-) -> None:
-    first, (of_states, variance) = HULL_STATES, driven
+def _move_at_once(over: tuple, slopes: np.ndarray, mean: np.ndarray, c: np.ndarray) -> None:
+    first, (f, held, noise, of_states, variance) = HULL_STATES, over
     gain = slopes[:, first:]
     f[:2, :first], f[:2, first:] = slopes[:, :first], gain * held
     mean[first:] = f[first:, first:] @ mean[first:]
@@ -258,11 +242,11 @@ def predict(
             noise, before = noise_of(f, stationary, drift, step), step
             for k in range(HULL_STATES, n):
                 of_states[k] = 0.5 * inner(output, noise[k, HULL_STATES:])
-        driven = of_states, 0.5 * inner(output, of_states[HULL_STATES:])
+        over = f, held, noise, of_states, 0.5 * inner(output, of_states[HULL_STATES:])
         for _ in range(count):
             mean_moment = inner(held, mean[HULL_STATES:])
             mean[0], mean[1], slopes = hull_step(mean, mean_moment, covariance[1, 1], step, hull)
-            move(f, slopes, held, noise, driven, mean, covariance)
+            move(over, slopes, mean, covariance)
             limit(covariance)
         for i in range(2):
             means[lead, i] = mean[i]
