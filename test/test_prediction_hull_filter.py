@@ -284,7 +284,7 @@ def test_a_jump_is_believed_once_a_second_sample_says_the_same_and_a_wrong_one_l
         for attitude in (spiked, without):
             assert not attitude.observe(0.04, 0.0, 0.0, *VARIANCES).rejected
         assert np.array_equal(spiked.x, without.x) and np.array_equal(spiked.P, without.P)
-        assert np.array_equal(spiked.levels, without.levels) and spiked.strain == without.strain
+        assert np.array_equal(spiked.levels, without.levels) and spiked.active.strain == without.active.strain
     released = _at_rest()
     refused = [released.observe(0.04, 0.5 * t * t, t, *VARIANCES).rejected for t in (0.04, 0.08, 0.12, 0.16)]
     assert refused == [True, False, False, False]
