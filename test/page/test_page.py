@@ -21,9 +21,9 @@ import pytest
 
 nicegui = pytest.importorskip('nicegui', reason='the page needs nicegui: pip install swath_sysid[page]')
 webdriver = pytest.importorskip('selenium.webdriver', reason='driving a browser needs selenium: pip install selenium')
+keys = pytest.importorskip('selenium.webdriver.common.keys')
 
 from package_process import wait_for  # noqa: E402
-from selenium.webdriver.common.keys import Keys  # noqa: E402
 from tank_side import TankSide  # noqa: E402
 from test_page_bring_up import REST_S  # noqa: E402
 
@@ -114,11 +114,11 @@ class Screen:
         wait_for(lambda: self.loud() == large, f'{large} as the next step')
 
         def reached():
-            self.keys(Keys.TAB)
+            self.keys(keys.Keys.TAB)
             return self.driver.execute_script(f"{of}; return each?.matches(':focus-visible') ? name || action : ''")
 
         wait_for(lambda: reached() == name, f'button {name} that can be pressed')
-        self.keys(Keys.ENTER)
+        self.keys(keys.Keys.ENTER)
 
     def keys(self, *keys):
         webdriver.ActionChains(self.driver).send_keys(*keys).perform()
@@ -252,7 +252,7 @@ def test_every_button_does_by_keyboard_alone_what_it_says(screen, monkeypatch):
         tank.state.choose(chosen)
         wait_for(lambda chosen=chosen: screen.driver.execute_script(axis) == chosen, f'{chosen} at the top')
     screen.driver.execute_script("document.querySelector('[data-name=axis] button').focus()")
-    screen.keys(Keys.ENTER)
+    screen.keys(keys.Keys.ENTER)
     wait_for(lambda: tank.state.axes[0] == 'roll', 'the axis that was chosen')
     tank.state.choose('pitch')
 
