@@ -62,26 +62,31 @@ def by_hand(rows, steps, step, prior):
     """
     count, kept = len(prior), []
     score, worth, tried = np.zeros((len(steps), count)), np.ones((len(steps), count)), np.full((len(steps), count), 8.0)
-    factor, recent, newest = np.zeros(len(steps)), np.ones(len(steps)), np.zeros(count)
+    factor, recent, newest, same = np.zeros(len(steps)), np.ones(len(steps)), np.zeros(count), np.ones(len(steps))
     for number, (reading, mean, claim, noise) in enumerate(rows):
         for place, ahead in enumerate(steps):
             if number < ahead:
                 continue
-            means, claims, weights, centre, plain, issued = (each[place] for each in kept[number - ahead])
+            means, claims, weights, centre, plain, issued, since = (each[place] for each in kept[number - ahead])
             memory = min(LATELY + 10.0 * step * ahead, MEMORY_OF_SIZE)
             scale = np.sqrt(worth[place] * claims + noise)
             log = stats.t.logpdf(reading, df=6.0, loc=means, scale=scale)
             gained = log - np.log(np.sum(weights * np.exp(log)))
-            score[place] = (1.0 - step / memory) * score[place] + gained / ahead
+            surprise = QUANTILE * (reading - centre) / np.sqrt(plain)
+            changed = 0.01 * step / ahead * stats.t.pdf(surprise, 6.0, scale=10.0) / stats.t.pdf(surprise, 6.0)
+            same[place] /= 1.0 + changed
+            share = same[place] / since / ahead
+            score[place] = (1.0 - step / memory) * score[place] / (1.0 + changed) + gained * share
             if place == 0:
                 newest = (1.0 - step / 0.3) * newest + gained
             square = np.minimum((reading - means) ** 2, CREDIBLE * scale**2)
-            tried[place] = np.minimum(tried[place] + 1.0 / ahead, max(MEMORY_OF_SIZE / step / ahead, 9.0))
+            tried[place] = np.minimum(tried[place] + share, max(MEMORY_OF_SIZE / step / ahead, 9.0))
             shown = np.maximum(square - noise, 0.0) / claims
-            worth[place] = np.maximum(worth[place] + (shown - worth[place]) / ahead / tried[place], 0.5)
+            worth[place] = np.maximum(worth[place] + (shown - worth[place]) * share / tried[place], 0.5)
             error = (reading - centre) ** 2
-            factor[place] = np.clip(factor[place] + 0.32 * step * ((error > issued) - 0.1), -0.7, 3.0)
-            recent[place] += step / (1.0 + step) * (min(QUANTILE**2 * error / plain, CREDIBLE) - recent[place])
+            learns = share * ahead * step
+            factor[place] = np.clip(factor[place] + 0.32 * learns * ((error > issued) - 0.1), -0.7, 3.0)
+            recent[place] += learns / (1.0 + step) * (min(surprise**2, CREDIBLE) - recent[place])
         told = []
         for place, ahead in enumerate(steps):
             expected = worth[place] * claim[:, place] + noise
@@ -93,7 +98,7 @@ def by_hand(rows, steps, step, prior):
             plain = np.exp(factor[place]) * variance
             told.append((centre, variance, weights, plain, plain * max(recent[place], 1.0)))
         interval = [QUANTILE**2 * (np.array([each[k] for each in told]) + noise) for k in (3, 4)]
-        kept.append((mean.T, claim.T, [each[2] for each in told], [each[0] for each in told], *interval))
+        kept.append((mean.T, claim.T, [each[2] for each in told], [each[0] for each in told], *interval, same.copy()))
     return score, worth, factor, [(each[0], each[4], each[2]) for each in told]
 
 
@@ -102,12 +107,12 @@ def made_up(seed, count=20, candidates=3, steps=3):
     sizes = np.exp(rng.normal(size=(candidates, 1)))
     return [
         (
-            rng.normal(),
+            rng.normal() * (40.0 if row == 15 else 1.0),
             sizes * rng.normal(size=(candidates, steps)),
             sizes**2 * np.exp(0.3 * rng.normal(size=(candidates, steps))),
             0.01,
         )
-        for _ in range(count)
+        for row in range(count)
     ]
 
 
@@ -225,6 +230,15 @@ def test_what_was_contradicted_at_the_next_row_loses_weight_at_leads_that_have_n
     assert (learning.state.score[1] == 0.0).all() and learning.state.weights[1, 0, 0] < 0.05
 
 
+def test_what_was_scored_in_another_motion_counts_little_after_it_has_changed():
+    learning, errors = Learning(), np.broadcast_to([[[0.01]], [[0.03]]], (2, 3, 1))
+    learning.run(errors, errors**2)
+    before = abs(learning.state.score).max(axis=(1, 2))
+    for _ in range(1 + round(LEADS[-1] / STEP)):
+        learning.take(5.0, 0.0, errors**2)
+    assert (abs(learning.state.score).max(axis=(1, 2)) < 0.1 * before).all()
+
+
 def test_a_new_model_may_be_nearly_as_good_as_the_best_and_another_hull_begins_anew():
     learning = Learning()
     learning.run(np.array([9.0, 1.0])[:, None, None] * np.ones((2, 3, 1)), 1.0, 300)
@@ -240,7 +254,7 @@ def test_no_forecast_that_is_scored_is_wilder_than_it_may_be():
     learning = Learning((1.0,))
     learning.take(0.0, 50.0, 1e4, 0.0, 1.0, 2.0)
     assert (learning.state.kept_pooled[0, ..., 0] == 3.0).all()
-    assert learning.state.kept_pooled[0, ..., 1:] == pytest.approx(QUANTILE**2 * 4.0)
+    assert learning.state.kept_pooled[0, ..., 1:3] == pytest.approx(QUANTILE**2 * 4.0)
 
 
 def test_errors_are_of_the_row_that_a_forecast_was_for_and_of_the_nearest_step():

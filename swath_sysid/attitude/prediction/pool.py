@@ -8,6 +8,9 @@ been worth. The reading y has a noise of variance r.
     newest     N_i <- (1 - g) N_i + (log p_i - log sum_j w_j p_j) at the shortest lead: what has just been contradicted
     weight     w_i ~ prior_i exp(TEMPER L_i + NEWEST N_i) (k_i v_i + r)^-(PEAK + ROW_PEAK/h)/2: what a claim promises
     worth      k_i <- k_i + (z_i - k_i)/n_i, z_i the squared error without noise over v_i
+    change     s <- s/(1 + o), L_i <- L_i/(1 + o), o the odds that the motion has changed: CHANGES step/h to one, times
+               the density of the pool's error were it CHANGED times as large over that as it is; what is learnt from
+               an error counts s now over s when it was forecast: the motion is as probably still that of then
     total      m = sum w m_i,  V = sum w k_i v_i + sum w (m_i - m)^2: disagreement is doubt (law of total variance)
     conformal  c <- c + GAIN step (miss - MISSES) (Gibbs and Candes 2021); issued: V exp(c) max(q, 1), q the newest
                squared errors over V exp(c)
@@ -38,6 +41,7 @@ PEAK, ROW_PEAK = 1.0, 2.0
 LEAST_WORTH = 0.5  #: Claims that were too wide are believed to this much.
 FIRST_ERRORS = 8.0  #: Independent errors that a claim counts for before it is tried.
 UNTRIED = 1.0  #: Log score that a candidate with a new model may lie behind the best.
+CHANGES, CHANGED = 0.01, 10.0  #: Of the motion, a period, and how many times larger the errors are then.
 GAIN = 0.32  #: Log variance a period of misses: coverage settles in a minute or so.
 LEAST_FACTOR, LARGEST_FACTOR = -0.7, 3.0  #: Log; of the conformal factor.
 
@@ -53,6 +57,7 @@ class PoolState(NamedTuple):
     """
 
     row: int  #: Number of rows so far.
+    same: np.ndarray  #: (S, A); log of the probability s that the motion has not changed since the first row.
     score: np.ndarray  #: (S, A, E); log.
     newest: np.ndarray  #: (A, E); log.
     worth: np.ndarray  #: (S, A, E)
@@ -66,7 +71,7 @@ class PoolState(NamedTuple):
     kept_mean: np.ndarray  #: (R, S, A, E); NaN without a forecast.
     kept_claim: np.ndarray  #: (R, S, A, E); variance.
     kept_weights: np.ndarray  #: (R, S, A, E)
-    kept_pooled: np.ndarray  #: (R, S, A, 3); mean, and half the interval squared before ``recent`` and as issued.
+    kept_pooled: np.ndarray  #: (R, S, A, 4); mean, half the interval squared before ``recent`` and as issued, ``same``.
 
 
 class Layout(NamedTuple):
@@ -129,6 +134,7 @@ class Pool:
         shape, rows = (steps, axes, candidates), int(self.layout.steps[-1]) + 1
         return PoolState(
             row=0,
+            same=np.zeros(shape[:2]),
             score=np.zeros(shape),
             newest=np.zeros(shape[1:]),
             worth=np.ones(shape),
@@ -142,7 +148,7 @@ class Pool:
             kept_mean=np.full((rows, *shape), np.nan),
             kept_claim=np.full((rows, *shape), np.nan),
             kept_weights=np.full((rows, *shape), np.nan),
-            kept_pooled=np.full((rows, *shape[:2], 3), np.nan),
+            kept_pooled=np.full((rows, *shape[:2], 4), np.nan),
         )
 
     def take(
@@ -244,10 +250,11 @@ def take_row(state: PoolState, layout: Layout, row: Row, number: int) -> None:
                 state.kept_claim[now, place, axis, candidate] = claim[candidate]
                 state.kept_weights[now, place, axis, candidate] = weights[candidate]
             kept = state.kept_pooled[now, place, axis]
-            kept[0], kept[1], kept[2] = (
+            kept[0], kept[1], kept[2], kept[3] = (
                 centre,
                 _SQUARE_QUANTILE * (plain + noise),
                 _SQUARE_QUANTILE * (issued + noise),
+                state.same[place, axis],
             )
 
 
@@ -279,6 +286,14 @@ def learn(state: PoolState, layout: Layout, row: Row, at: tuple[int, int, int], 
     gain = step / (MEMORY_OF_SIZE + step)
     past = state.kept_pooled[then, place, axis]
     square = (reading - past[0]) ** 2
+    surprise = _SQUARE_QUANTILE * square / past[1]
+    odds = CHANGES * step * share * math.exp(log_density(surprise, CHANGED**2) - log_density(surprise, 1.0))
+    state.same[place, axis] -= math.log1p(odds)
+    for candidate in range(state.score.shape[2]):
+        state.score[place, axis, candidate] /= 1.0 + odds
+    # what was forecast in another motion tells little of what is forecast now
+    is_same, most = math.exp(state.same[place, axis] - past[3]), max(MEMORY_OF_SIZE / step * share, FIRST_ERRORS + 1.0)
+    share *= is_same
     means, claims = state.kept_mean[then, place, axis], state.kept_claim[then, place, axis]
     best = -math.inf
     for candidate in range(len(means)):
@@ -289,7 +304,6 @@ def learn(state: PoolState, layout: Layout, row: Row, at: tuple[int, int, int], 
             ratio[candidate] = log_density(own, expected)
             best = max(best, ratio[candidate])
             shown = max(min(own, CREDIBLE * expected) - noise, 0.0) / claim
-            most = max(MEMORY_OF_SIZE / step * share, FIRST_ERRORS + 1.0)
             state.tried[place, axis, candidate] = tried = min(state.tried[place, axis, candidate] + share, most)
             worth = state.worth[place, axis, candidate]
             state.worth[place, axis, candidate] = max(worth + share / tried * (shown - worth), LEAST_WORTH)
@@ -307,11 +321,10 @@ def learn(state: PoolState, layout: Layout, row: Row, at: tuple[int, int, int], 
         if place == 0:
             state.newest[axis, candidate] = keep_newest * state.newest[axis, candidate] + gained
     is_missed = 1.0 if square > past[2] else 0.0
-    factor = state.factor[place, axis] + GAIN * step * (is_missed - MISSES)
+    factor = state.factor[place, axis] + is_same * GAIN * step * (is_missed - MISSES)
     state.factor[place, axis] = min(max(factor, LEAST_FACTOR), LARGEST_FACTOR)
     # over a period
-    surprise = min(_SQUARE_QUANTILE * square / past[1], CREDIBLE)
-    state.recent[place, axis] += step / (1.0 + step) * (surprise - state.recent[place, axis])
+    state.recent[place, axis] += is_same * step / (1.0 + step) * (min(surprise, CREDIBLE) - state.recent[place, axis])
     state.pooled_square[place, axis] += (1.0 - keep) * (square - state.pooled_square[place, axis])
     state.coverage[place, axis] += gain * (1.0 - is_missed - state.coverage[place, axis])
 
