@@ -662,9 +662,9 @@ def test_spikes_are_left_out_of_the_fit(plain):
         assert abs(spoilt.model.terms[name] - value) < 0.1 * plain.std[name]
 
 
-def test_a_motion_that_no_hull_follows_is_refused(monkeypatch):
+def test_a_motion_that_no_coefficients_reproduce_is_refused(monkeypatch):
     monkeypatch.setattr(MotionFit, 'refine', lambda fit, start, *bounds: (start, np.inf))
-    with pytest.raises(InputError, match='no hull of swath-pitch-2 follows the pitch') as refused:
+    with pytest.raises(InputError, match='no coefficients of swath-pitch-2 reproduce the pitch') as refused:
         identify([decay()], settings())
     assert refused.value.code == 'runaway'
 
