@@ -22,11 +22,12 @@ def log_density(*arguments: Any, **named: Any) -> float:
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Of the covariance (n, n) of measurements; of two in closed form."""
-    if len(matrix) != 2:
-        return np.linalg.inv(matrix)
-    a, b, c, d = matrix.ravel().tolist()
-    return np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    """Of the covariance (n, n) of measurements, as numpy's; of two in closed form."""
+    if len(matrix) == 2:
+        a, b, c, d = matrix.ravel().tolist()
+        if determinant := a * d - b * c:
+            return np.array([[d, -b], [-c, a]]) / determinant
+    return np.linalg.inv(matrix)
 
 
 _stand_in: Any = ModuleType(STATISTICS)
