@@ -270,7 +270,7 @@ def test_what_is_not_usable_has_no_standard_deviations_but_reasons(found):
     assert found.is_usable and not found.shortcomings
     hidden = replace(found, natural_period_std=1.5 * PERIOD_USABLE * found.natural_period)
     short = hidden.shortcomings[0].message
-    assert f'About {np.ceil(1.5**2 * found.duration / 60):.0f} minutes' in short and '% (needed 3.5%)' in short
+    assert f'Record about {np.ceil(1.5**2 * found.duration / 60):.0f} minutes' in short and '% (needed 3.5%)' in short
     far = replace(found, damping_ratio_std=3.0 * found.damping_ratio)
     assert 'nearer to its period' in far.shortcomings[0].message
     rough, apart = replace(found, is_smooth=False), replace(found, apart=2.5)
