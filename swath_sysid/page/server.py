@@ -250,6 +250,8 @@ def served(state: PageState, host: str, port: int, token: str, origin: str = '')
     application = fastapi.FastAPI(openapi_url=None)
     bound = listener.getsockname()[1]
     pages.router.redirect_slashes = False
+    # Quasar's bar over the page has no name that a screen reader could say
+    pages.config.quasar_config['loadingBar']['skipHijack'] = True
     ui.page(PAGE_PATH)(lambda: build(state))
     # the library would build a page to say so
     pages.add_exception_handler(404, lambda *_: fastapi.Response(UNKNOWN, 404, media_type='text/plain'))
