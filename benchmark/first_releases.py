@@ -19,7 +19,7 @@ from shortest_leads import ANGLE_NOISE, RATE_NOISE, TOLD
 from swath_sysid.attitude.motion.intake import CraftSample
 from swath_sysid.attitude.motion.trial import AXES
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
-from swath_sysid.evaluation.cli.benchmark import Benchmark, Errors, Line
+from swath_sysid.evaluation.cli.benchmark import Benchmark, LeadErrors, Line
 from swath_sysid.pipeline.forecast_pipeline import ForecastPipeline, PipelineSettings
 from swath_sysid.pipeline.record_run import followed
 
@@ -106,7 +106,7 @@ def lines(
             for period in periods
             for seed in range(seeds)
         ]
-        of_all = Errors.joined(runs)
+        of_all = LeadErrors.joined(runs)
         for begin, end in SECONDS:
             now = of_all.within(begin, end)
             figures = {

@@ -17,7 +17,7 @@ from shocks import CRAFTS, motion_of_craft
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE
-from swath_sysid.evaluation.cli.benchmark import Benchmark, Errors, Line
+from swath_sysid.evaluation.cli.benchmark import Benchmark, LeadErrors, Line
 from swath_sysid.pipeline.record_run import run_through
 
 LEADS = 0.1, 0.5, 1.0, 2.0
@@ -48,7 +48,7 @@ def lines(
             errors = np.array([step.forecast.angle(axis) for step in steps]) - truth
             deviations = np.array([step.forecast.deviation[:, place] for step in steps])
             size, whole = trial.channels[axis].std(), np.isfinite(errors).all(axis=1)
-            of_all = Errors(stamps[whole], errors[whole], deviations[whole])
+            of_all = LeadErrors(stamps[whole], errors[whole], deviations[whole])
             for begin, end in SPANS:
                 now = of_all.within(begin, end)
                 figures = {'error': now.rms / size, 'stated': now.deviation.mean(axis=0) / size, 'held': now.held}

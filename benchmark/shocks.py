@@ -19,7 +19,7 @@ from restarts import NOISE, Waves, hulls
 from swath_sysid.attitude.motion.trial import AXES, Trial
 from swath_sysid.attitude.prediction.forecaster import ForecasterSettings
 from swath_sysid.attitude.prediction.point import ATTITUDE
-from swath_sysid.evaluation.cli.benchmark import Benchmark, Errors, Line
+from swath_sysid.evaluation.cli.benchmark import Benchmark, LeadErrors, Line
 from swath_sysid.pipeline.record_run import run_through
 
 LEADS = 0.5, 1.0, 2.0, 5.0
@@ -100,7 +100,8 @@ def lines(
         for place, name in enumerate(AXES):
             for begin, end in SPANS:
                 found, mean = (
-                    Errors(at, each[:, place], deviations[:, place]).within(begin, end) for each in (errors, of_mean)
+                    LeadErrors(at, each[:, place], deviations[:, place]).within(begin, end)
+                    for each in (errors, of_mean)
                 )
                 rms = np.sqrt(np.nanmean(found.error**2, axis=0) / np.nanmean(mean.error**2, axis=0))
                 figures = {'error': rms, 'held': found.held, 'stated': found.deviation.mean(axis=0)}

@@ -99,7 +99,7 @@ def numbers_in(
 
 
 def texts_lost(name: str, number: int, known: int, line: int, cell: str) -> Loss:
-    """The cells of a column that are no numbers, beside those that are, with the line and the text of the first."""
+    """How many cells of a column are not numbers, how many are, and the line and text of the first that is not."""
     said = {'cell': shown(cell), 'line': line, 'column': shown(name)}
     return Loss('text-in-numbers', number, number + known, f"cells of '{shown(name)}'", said)
 

@@ -11,7 +11,7 @@ from repository import ROOT
 from scipy.linalg import companion
 
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.evaluation.cli.benchmark import Benchmark, Errors, Line
+from swath_sysid.evaluation.cli.benchmark import Benchmark, LeadErrors, Line
 
 
 @pytest.fixture
@@ -199,7 +199,7 @@ def test_a_benchmark_takes_flags_from_its_function_and_tells_its_lines_as_text_o
 
 def test_errors_are_scored_by_age_over_what_came():
     error = np.array([[1.0, 3.0], [-2.0, np.nan], [9.0, 9.0]])
-    found = Errors.joined([(np.array([0.0, 0.5]), error[:2], np.ones((2, 2))), ([1.0], error[2:], np.ones((1, 2)))])
+    found = LeadErrors.joined([(np.array([0.0, 0.5]), error[:2], np.ones((2, 2))), ([1.0], error[2:], np.ones((1, 2)))])
     now = found.within(0.0, 1.0)
     assert now.rms == pytest.approx([np.sqrt(2.5), 3.0]) and now.held.tolist() == [0.5, 0.0]
     assert found.within(1.0, 2.0).error.tolist() == [[9.0, 9.0]]

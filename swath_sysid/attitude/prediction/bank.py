@@ -138,7 +138,7 @@ class Bank:
         space.seed(past[(len(past) - 1) % every :: every])
         self.spaces[name] = self._on_rows[name] = OnRows(space, every)
 
-    def forget(self, name: str) -> None:
+    def drop(self, name: str) -> None:
         """Use a model no longer."""
         if self.spaces.pop(name, None) is not None:
             del self._on_rows[name]

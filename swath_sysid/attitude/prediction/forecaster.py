@@ -493,7 +493,7 @@ class Forecaster:
         periods = min(self.settings.window, (time - self._rows_begun) / self._clock.period)
         if periods >= min(WELL_LEARNT, self.memory.periods if self.memory else 0.0):
             self.memory = SeaMemory(self._clock.period, periods, waves)
-            bank.forget(MEMORY)
+            bank.drop(MEMORY)
 
     # -- forecasts
 

@@ -289,8 +289,6 @@ def learn(state: PoolState, layout: Layout, row: Row, at: tuple[int, int, int], 
     surprise = _SQUARE_QUANTILE * square / past[1]
     odds = CHANGES * step * share * math.exp(log_density(surprise, CHANGED**2) - log_density(surprise, 1.0))
     state.same[place, axis] -= math.log1p(odds)
-    for candidate in range(state.score.shape[2]):
-        state.score[place, axis, candidate] /= 1.0 + odds
     # what was forecast in another motion tells little of what is forecast now
     is_same, most = math.exp(state.same[place, axis] - past[3]), max(MEMORY_OF_SIZE / step * share, FIRST_ERRORS + 1.0)
     share *= is_same
@@ -317,7 +315,8 @@ def learn(state: PoolState, layout: Layout, row: Row, at: tuple[int, int, int], 
         pooled = best + math.log(max(pooled / weight, _TINY))
     for candidate in range(len(means)):
         gained = ratio[candidate] - pooled if math.isfinite(ratio[candidate]) else 0.0
-        state.score[place, axis, candidate] = keep * state.score[place, axis, candidate] + share * gained
+        state.score[place, axis, candidate] *= keep / (1.0 + odds)
+        state.score[place, axis, candidate] += share * gained
         if place == 0:
             state.newest[axis, candidate] = keep_newest * state.newest[axis, candidate] + gained
     is_missed = 1.0 if square > past[2] else 0.0

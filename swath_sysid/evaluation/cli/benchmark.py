@@ -27,7 +27,7 @@ class Line(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Errors:
+class LeadErrors:
     """Errors of forecasts and the standard deviations issued with them, (N, L), at ages (N,); NaN where none came."""
 
     age: np.ndarray
