@@ -60,6 +60,7 @@ def test_frame_and_mounting_reach_every_reader(tmp_path):
         ('noise.dat', bytes(range(256)) * 8, 'not a text file'),
         ('old.bag', b'#ROSBAG V2.0\n' + bytes(100), 'ROS 1 bag'),
         ('log.mtb', b'\xfa\xff\x3e\x02' + bytes(100), 'binary MTi log'),
+        ('still.txt', b'PacketCounter\tSampleTimeFine\tRoll\n\t\t\n\t65535\t\n0\t0\t\n65535\t65535\t', 'at least 8'),
         ('a.lvm', b'LabVIEW Measurement\t\r\n', 'cut off'),
         ('a.csv.gz', gzip.compress(b'time_s,roll_rad\n', mtime=0), 'gzip'),
         ('axis.csv', b'time_s,heave_m\n' + b'0,1\n' * 20, 'no roll or pitch motion'),

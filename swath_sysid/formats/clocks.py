@@ -161,7 +161,7 @@ def chosen(clocks: Sequence[Clock]) -> tuple[Clock, tuple[Advice, ...]]:
     best, forward, jitter, duration = judged[0]
     for each in judged[1:]:
         other, forward_too, jitter_too, duration_too = each
-        differ = abs(duration_too / (duration or np.inf) - 1.0) > SPANS['drift']
+        differ = _apart(duration_too, duration) > SPANS['drift']
         if (
             forward_too > 1.05 * forward
             or forward_too > 0.95 * forward
@@ -175,12 +175,17 @@ def chosen(clocks: Sequence[Clock]) -> tuple[Clock, tuple[Advice, ...]]:
         other.name: share
         for other, forward_too, _, duration_too in judged
         if other is not best and forward_too > 0.0
-        and SPANS['drift'] < (share := abs(duration_too / duration - 1.0)) < 0.5
+        and SPANS['drift'] < (share := _apart(duration_too, duration)) < 0.5
     }  # fmt: skip
     advice = [Advice.of('two-clocks', best=shown(best.name), other=shown(n), share=s) for n, s in drifts.items()]
     if best.turns:
         advice.append(Advice.of('time-unwrapped', name=shown(best.name), turns=counted(best.turns, 'time')))
     return best, tuple(advice)
+
+
+def _apart(duration: float, from_that_of_the_best: float) -> float:
+    """Share by which two durations differ; a clock that stands has none that others could be compared with."""
+    return abs(duration / from_that_of_the_best - 1.0) if from_that_of_the_best else np.inf
 
 
 def _duration(clock: Clock) -> float:
