@@ -1,6 +1,7 @@
 """The messages of the sensor that wait until their node handles them, between two rounds of callbacks."""
 
 from collections import deque
+from time import perf_counter
 from typing import NamedTuple
 
 from rclpy.node import Node
@@ -55,7 +56,7 @@ class PacedInbox(Inbox):
         """The oldest message, whether to use it, and whether much newer ones wait behind it."""
         if self._uses_all:
             return self.popleft(), True, False
-        is_used, begin_ns = self.pace.is_used(len(self)), self.oldest_ns
+        is_used, begin_ns = self.pace.is_used(len(self), perf_counter()), self.oldest_ns
         arrival = self.popleft()
         if not is_used:
             self._health.note_left_out()

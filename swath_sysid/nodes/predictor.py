@@ -81,7 +81,7 @@ class Predictor(Node):
             self._add(reading, arrival, is_passed_over)
             self.health.note_frame_id(message.header.frame_id)
             self.health.note_message(reading.stamp_ns, clock_ns, begun, perf_counter())
-            self.inbox.pace.note(perf_counter() - begun)
+            self.inbox.pace.note(perf_counter())
 
     def _add(self, reading: ImuReading, arrival: float, is_passed_over: bool) -> None:
         step = self.pipeline.begin(self.pipeline.intake.take(reading, arrival))
