@@ -15,7 +15,6 @@ from swath_sysid.common.wings import handed_in, named, tables_of_wings, yaml_tab
 Values = dict[str, Any]
 
 POSITION = 'points.'  #: Begins the name of the parameter that holds the position of a point.
-MOUNTED = 'mounting_is_stated'  #: Among the values of a node that was told its mounting by transforms, also by zeros.
 EXAMPLE = ' (m forward, to port and up from the sensor), as in [2.5, 0.0, 0.0]'
 
 ATTITUDE_NODES = ('imu_buffer', 'identifier', 'predictor')
@@ -48,6 +47,8 @@ class NodeParameter:
 
     def problem(self, value: Any) -> str:
         """What is wrong with a value; empty where it is allowed."""
+        if repr(value) == repr(self.default):  # also NaN, which is in no range
+            return ''
         for element in value if isinstance(value, list | tuple) else [value]:
             if self.choices and element not in self.choices:
                 return f"cannot be '{element}': choose from {self.allowed}"
