@@ -1,5 +1,6 @@
 """The mounting of a sensor: stated by an argument, a flag, a parameter file or /tf_static; remembered, and missed."""
 
+import re
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -82,6 +83,89 @@ def test_a_turned_sensor_gives_the_motion_of_the_craft_by_argument_and_by_static
         for axis in ('roll', 'pitch', 'roll_rate', 'pitch_rate', 'accel_z'):
             assert np.allclose(getattr(trial, axis), getattr(truth, axis), atol=1e-6)
         assert not trial.advice
+
+
+def test_of_several_craft_in_one_recording_each_has_its_own_transforms(tmp_path):
+    """Frames of the same names in two namespaces, or of two prefixes on one topic."""
+    truth, turns = decay(), ROTATIONS[:2]
+    with writing_bag(tmp_path / 'a.mcap') as add:
+        for boat, mounting in zip(('boat1', 'boat10'), turns, strict=True):
+            for topic, prefix in ((f'/{boat}/tf_static', ''), ('/tf_static', f'{boat}/')):
+                placed = ((0.0, 0.0, 0.0), tuple(matrix_of(mounting).as_quat().tolist()))
+                frames = [(header(0, f'{prefix}base_link'), f'{prefix}imu', placed)]
+                add(topic, TRANSFORMS, 1, serialised(make(TRANSFORMS, frames)))
+            for topic, frame in ((f'/{boat}/imu/data', 'imu'), (f'/sensors/{boat}', f'{boat}/imu')):
+                send = ImuMessage(frame)
+                stamps = np.round(1e9 * truth.time).astype(int).tolist()
+                for stamp, values in zip(stamps, turned(truth, mounting), strict=True):
+                    add(topic, IMU, stamp, send.of_values(stamp, values))
+        for stamp, values in zip(stamps, turned(truth, turns[0]), strict=True):
+            add('/boat2/imu/data', IMU, stamp, ImuMessage('imu').of_values(stamp, values))
+    for boat in ('boat1', 'boat10'):
+        for topic in (f'/{boat}/imu/data', f'/sensors/{boat}'):
+            assert np.allclose(read_trial(tmp_path / 'a.mcap', topic=topic).roll, truth.roll, atol=1e-6)
+    assert read_trial(tmp_path / 'a.mcap', topic='/boat2/imu/data').installation.mounting is None
+
+
+def campaign_of(bag):
+    path = bag.with_name('campaign.yaml')
+    path.write_text(f'title: a\ncraft: {{name: a, draft_m: 0.1}}\ntrials: [{{file: {bag.name}, axis: roll}}]\n')
+    return str(path)
+
+
+#: Verbs that read a sensor, and what they take to read it soon.
+VERBS = {
+    'inspect': lambda bag: [str(bag), '--axis', 'roll'],
+    'identify': lambda bag: [str(bag), '--axis', 'roll', '--equation', 'linear', '--objective', 'one-step'],
+    'identify --at-sea': lambda bag: [str(bag), '--axis', 'roll'],
+    'identify --extinction': lambda bag: [str(bag), '--axis', 'roll', '--equation', 'linear|linear'],
+    'compare': lambda bag: [str(bag), '--axis', 'roll', '--equations', 'linear|linear', '--jobs', '1'],
+    'sea': lambda bag: [str(bag)],
+    'forecast': lambda bag: [str(bag), '--warmup', '10', '--leads', '0.5'],
+    'play-through': lambda bag: [str(bag), '--output', str(bag.with_name('o.mcap'))],
+    'history': lambda bag: [str(bag), '--axis', 'roll', '--output', str(bag.with_name('h')), '--jobs', '1'],
+    'campaign': lambda bag: [campaign_of(bag), '--output', str(bag.with_name('c')), '--jobs', '1'],
+}
+
+
+@pytest.mark.parametrize('mounting', ROTATIONS)
+@pytest.mark.parametrize('verb', VERBS)
+def test_every_verb_reads_a_bag_with_the_mounting_that_is_stated(verb, mounting, tmp_path, monkeypatch, capsys):
+    """With which the trial is that of the craft: see the test of that."""
+    read, decide = [], ImuRecord.installation
+
+    def seen(self, *given, **named):
+        read.append(decide(self, *given, **named).mounting)
+        raise InputError('that is enough')
+
+    monkeypatch.setattr(ImuRecord, 'installation', seen)
+    turn, short = matrix_of(mounting), decay(0.5, 0.5)
+    flag = '--mounting=' + ','.join(map(str, mounting))
+    parameters = tmp_path / 'p.yaml'
+    parameters.write_text(f'predictor: {{ros__parameters: {{mounting_deg: {list(mounting)}}}}}')
+    of_file = [] if verb == 'campaign' else [['--params-file', str(parameters)]]
+    for frames, *ways in (([('boat/base_link', 'boat/imu', turn)], []), ([], [flag], *of_file), ([], [])):
+        for given in ways:
+            (tmp_path / 'a.mcap').unlink(missing_ok=True)
+            bag = bag_of(tmp_path / 'a.mcap', short, mounting, frames)
+            assert main([*verb.split(), *VERBS[verb](bag), *given]) == 2
+            found = read.pop()
+            if frames or given:
+                assert (matrix_of(np.degrees(found)) * turn.inv()).magnitude() < np.radians(0.01)
+            else:
+                assert found is None
+    assert not read
+
+
+@pytest.mark.parametrize(
+    'verb', ['identify', 'compare', 'play-through', 'history', pytest.param('campaign', marks=pytest.mark.long)]
+)
+def test_without_a_stated_mounting_every_verb_reports_the_tilt_and_names_the_axis_of_the_sensor(verb, tmp_path, capsys):
+    bag = bag_of(tmp_path / 'a.mcap', decay(), (8, 0, 0))
+    assert main([*verb.split(), *VERBS[verb](bag)]) in (0, 1)
+    out, said = capsys.readouterr()
+    assert 'sensor-tilted' in said and re.search(r'\(--mounting (8|7\.9|8\.2),', said)
+    assert 'about the x axis of the sensor, whose mounting is not stated' in out
 
 
 def test_a_model_remembers_its_mounting_and_is_rejected_with_another(tmp_path, capsys):
