@@ -17,7 +17,8 @@ from swath_sysid.attitude.motion.attitude import Installation, mounting_in
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import convert
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.cli.main import main
+from swath_sysid.cli import run
+from swath_sysid.cli.main import build_parser, main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import ImuRecord, imu_values
 from swath_sysid.formats.identify_records import identify, write_model
@@ -168,6 +169,35 @@ def test_without_a_stated_mounting_every_verb_reports_the_tilt_and_names_the_axi
     assert 'about the x axis of the sensor, whose mounting is not stated' in out
 
 
+def test_zeros_state_that_the_axes_agree_by_flag_parameter_and_file_and_what_is_not_set_states_none(tmp_path, capsys):
+    bag = str(bag_of(tmp_path / 'a.mcap', decay(0.5, 2.0), (0, 0, 0)))
+    parameters = tmp_path / 'p.yaml'
+    for text, is_stated in (('[0.0, 0.0, 0.0]', True), ('[0, 0, 0]', True), ('[.nan, .nan, .nan]', False)):
+        parameters.write_text(f'/**/predictor: {{ros__parameters: {{mounting_deg: {text}}}}}')
+        assert main(['inspect', bag, '--params-file', str(parameters)]) == 0
+        assert ('not stated' in capsys.readouterr().out) != is_stated
+    parameters.write_text('predictor: {ros__parameters: {mounting_deg: [.nan, 0.0, 90.0]}}')
+    assert main(['inspect', bag, '--params-file', str(parameters)]) == 2
+    assert 'three angles' in capsys.readouterr().err
+    assert main(['inspect', bag, '--mounting', '0,0,0']) == 0
+    assert 'not stated' not in capsys.readouterr().out
+
+
+def test_live_zeros_state_that_the_axes_agree_and_no_transform_is_waited_for(spun):
+    from swath_sysid.nodes.imu_buffer import ImuBuffer
+
+    given = run.ros_arguments(build_parser('run').parse_args(['run', '--mounting', '0,0,0']))
+    assert given[-2:] == ['-p', 'mounting_deg:=[0.0, 0.0, 0.0]']
+    node = spun.made(ImuBuffer, *given)
+    assert node.window.settings.installation.mounting == (0.0, 0.0, 0.0)
+    assert not node.transforms.are_awaited
+    # and while a node runs
+    other = spun.made(ImuBuffer)
+    assert other.window.settings.installation.mounting is None and other.transforms.are_awaited
+    assert spun.set_to(other, mounting_deg=[0.0, 0.0, 0.0]) == ['']
+    assert other.window.settings.installation.mounting == (0.0, 0.0, 0.0)
+
+
 def test_a_model_remembers_its_mounting_and_is_rejected_with_another(tmp_path, capsys):
     straight, bag = identify(decay(), LINEAR, axis='roll'), bag_of(tmp_path / 'a.mcap', decay(), ROTATIONS[0])
     found = identify(read_trial(bag, mounting=tuple(np.radians(ROTATIONS[0]))), LINEAR, axis='roll')
@@ -283,8 +313,14 @@ def spun(monkeypatch):
     monkeypatch.setattr(transforms, 'message_class', lambda kind: Empty)
     nodes = []
 
-    def made(kind):
-        rclpy.init(args=['--ros-args', '-r', '__ns:=/spun'])
+    def end():
+        while nodes:
+            nodes.pop().destroy_node()
+        rclpy.try_shutdown()
+
+    def made(kind, *given):
+        end()
+        rclpy.init(args=['--ros-args', '-r', '__ns:=/spun', *given])
         nodes.append(kind())
         return nodes[-1]
 
@@ -299,9 +335,7 @@ def spun(monkeypatch):
         return [each.reason for each in node.set_parameters([Parameter(n, value=v) for n, v in values.items()])]
 
     yield SimpleNamespace(made=made, send=send, set_to=set_to)
-    for node in nodes:
-        node.destroy_node()
-    rclpy.try_shutdown()
+    end()
 
 
 def frames_of(*sent):
