@@ -88,7 +88,8 @@ class ManoeuvringPredictor(Node):
         # until its mounting is known, the odometry alone tells the yaw rate
         is_awaited = self.transforms.hold_back([Arrival(message, 0.0, 0)])
         if message.angular_velocity_covariance[0] != -1.0 and not is_awaited:
-            variance = self._upward @ np.reshape(message.angular_velocity_covariance, (3, 3)) @ self._upward
+            with np.errstate(invalid='ignore'):  # of a covariance that is not finite
+                variance = self._upward @ np.reshape(message.angular_velocity_covariance, (3, 3)) @ self._upward
             std = variance**0.5 if 0.0 < variance < 1.0 else None
             rate = message.angular_velocity
             yaw_rate = self._installation.vector(rate.x, rate.y, rate.z)[2]
