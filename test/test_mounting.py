@@ -1,7 +1,6 @@
 """The mounting of a sensor: stated by an argument, a flag, a parameter file or /tf_static; remembered, and missed."""
 
 import re
-from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -217,24 +216,9 @@ def test_a_model_remembers_its_mounting_and_is_rejected_with_another(tmp_path, c
     with pytest.raises(InputError, match='mounted at 15,-10,90 deg, and it is stated at 15,-10,96:'):
         check_mounting(held, Installation('flu', tuple(np.radians([15.0, -10.0, 96.0]))))
     for given, words in (((), 'without a stated mounting'), (('--mounting', '-15,10,0'), 'stated at -15,10,0')):
-        for verb in (('identify', '--at-sea'), ('play-through', '--output', str(tmp_path / 'o.mcap'))):
-            assert main([*verb, str(bag), '--model', model, *given]) == 2
+        for verb in VERBS.keys() & {'identify --at-sea', 'play-through', 'forecast'}:
+            assert main([*verb.split(), *VERBS[verb](bag), '--model', model, *given]) == 2
             assert words in capsys.readouterr().err
-
-
-def test_the_predictor_rejects_a_model_of_another_mounting():
-    pytest.importorskip('rclpy')
-    from swath_sysid.nodes.models_in_use import ModelsInUse
-
-    identified = IdentifiedModel.exactly(hull_named('swath-roll').model)
-    text = model_to_yaml({'roll': replace(identified, provenance={'mounting_deg': [15, -10, 90]})})
-    for mounting, is_rejected in ((None, True), (tuple(np.radians([15.0, -10.0, 90.0])), False)):
-        settings = SimpleNamespace(installation=Installation('flu', mounting))
-        pipeline, transforms = SimpleNamespace(settings=settings), SimpleNamespace(are_awaited=False)
-        used = ModelsInUse.__new__(ModelsInUse)
-        used._pipeline, used._transforms = pipeline, transforms
-        with pytest.raises(InputError, match='mounted at 15,-10,90 deg') if is_rejected else nullcontext():
-            assert set(used.read(text)[0]) == {'roll'}
 
 
 def test_a_tilt_and_an_unstated_mounting_are_reported_with_the_flag_that_sets_it(tmp_path, capsys):

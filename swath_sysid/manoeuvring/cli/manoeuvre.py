@@ -82,9 +82,8 @@ def _read(path: str | Path, arguments: Namespace):
             arguments.port_topic,
             arguments.starboard_topic,
             arguments.thrust_input,
-            **sources.installation_of(
-                Namespace(mounting=arguments.mounting, params_file=arguments.params_file), 'manoeuvring_predictor'
-            ),
+            # --frame is that of the odometry
+            **sources.installation_of(Namespace(**vars(arguments) | {'frame': None}), 'manoeuvring_predictor'),
         )
         return trial if arguments.frame is None else replace(trial, frame=arguments.frame)
     if Path(path).is_dir():

@@ -187,10 +187,9 @@ def _yaw_rates(
     """Rows as of `_read` with the rate about the craft's z axis, and advice; a sensor on its side is rejected."""
     installation, (orientation, rates, force) = record.installation(frame, mounting), record.measured
     # gravity where there is no attitude: a driver that reverses its sign does not turn the rates
-    names, parts = ('roll', 'pitch'), euler_angles(*installation.orientation(*orientation.T))[:2]
-    if np.isnan(orientation).all():
-        names, parts = ACCEL, installation.vector(*force.T)
-    channels = dict(zip(names, parts, strict=True))
+    channels = dict(zip(ACCEL, installation.vector(*force.T), strict=True))
+    if not np.isnan(orientation).all():
+        channels = dict(zip(('roll', 'pitch'), euler_angles(*installation.orientation(*orientation.T)), strict=False))
     found = contradictions_in((record.stamps - record.stamps[0]) / SECOND_NS, channels, installation)
     for each in found:
         if each.code in ('sensor-turned', 'axes-of-sensor'):
