@@ -167,7 +167,7 @@ def test_every_verb_reads_a_bag_with_the_mounting_that_is_stated(verb, mounting,
     ],
 )
 def test_without_a_stated_mounting_every_verb_reports_the_tilt_and_names_the_axis_of_the_sensor(verb, tmp_path, capsys):
-    bag = bag_of(tmp_path / 'a.mcap', decay(), (8, 0, 0))
+    bag = bag_of(tmp_path / 'a.mcap', decay(length=30.0), (8, 0, 0))
     assert main([*verb.split(), *VERBS[verb](bag)]) in (0, 1)
     out, said = capsys.readouterr()
     assert 'sensor-tilted' in said and re.search(r'\(--mounting (8|7\.9|8\.2),', said)
