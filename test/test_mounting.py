@@ -1,6 +1,6 @@
 """The mounting of a sensor: stated by an argument, a flag, a parameter file or /tf_static; remembered, and missed."""
 
-from contextlib import nullcontext
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -16,7 +16,9 @@ from swath_sysid.attitude.motion.attitude import Installation, mounting_in
 from swath_sysid.attitude.motion.installation_watch import InstallationCheck
 from swath_sysid.attitude.motion.intake import convert
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.cli.main import main
+from swath_sysid.cli import run
+from swath_sysid.cli.flags import table_of_verbs
+from swath_sysid.cli.main import build_parser, main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.bags import ImuRecord, imu_values
 from swath_sysid.formats.identify_records import identify, write_model
@@ -84,6 +86,123 @@ def test_a_turned_sensor_gives_the_motion_of_the_craft_by_argument_and_by_static
         assert not trial.advice
 
 
+def test_of_several_craft_in_one_recording_each_has_its_own_transforms(tmp_path):
+    """Frames of the same names in two namespaces, or of two prefixes on one topic."""
+    truth, turns = decay(), ROTATIONS[:2]
+    with writing_bag(tmp_path / 'a.mcap') as add:
+        for boat, mounting in zip(('boat1', 'boat10'), turns, strict=True):
+            for topic, prefix in ((f'/{boat}/tf_static', ''), ('/tf_static', f'{boat}/')):
+                placed = ((0.0, 0.0, 0.0), tuple(matrix_of(mounting).as_quat().tolist()))
+                frames = [(header(0, f'{prefix}base_link'), f'{prefix}imu', placed)]
+                add(topic, TRANSFORMS, 1, serialised(make(TRANSFORMS, frames)))
+            for topic, frame in ((f'/{boat}/imu/data', 'imu'), (f'/sensors/{boat}', f'{boat}/imu')):
+                send = ImuMessage(frame)
+                stamps = np.round(1e9 * truth.time).astype(int).tolist()
+                for stamp, values in zip(stamps, turned(truth, mounting), strict=True):
+                    add(topic, IMU, stamp, send.of_values(stamp, values))
+        for stamp, values in zip(stamps, turned(truth, turns[0]), strict=True):
+            add('/boat2/imu/data', IMU, stamp, ImuMessage('imu').of_values(stamp, values))
+    for boat in ('boat1', 'boat10'):
+        for topic in (f'/{boat}/imu/data', f'/sensors/{boat}'):
+            assert np.allclose(read_trial(tmp_path / 'a.mcap', topic=topic).roll, truth.roll, atol=1e-6)
+    assert read_trial(tmp_path / 'a.mcap', topic='/boat2/imu/data').installation.mounting is None
+
+
+def campaign_of(bag):
+    path = bag.with_name('campaign.yaml')
+    path.write_text(f'title: a\ncraft: {{name: a, draft_m: 0.1}}\ntrials: [{{file: {bag.name}, axis: roll}}]\n')
+    return str(path)
+
+
+#: Verbs that read a sensor, those of wings among them, and what they take to read it soon.
+VERBS = {
+    'inspect': lambda bag: [str(bag), '--axis', 'roll'],
+    'identify': lambda bag: [str(bag), '--axis', 'roll', '--equation', 'linear', '--objective', 'one-step'],
+    'identify --at-sea': lambda bag: [str(bag), '--axis', 'roll'],
+    'compare': lambda bag: [str(bag), '--axis', 'roll', '--equations', 'linear|linear', '--jobs', '1'],
+    'sea': lambda bag: [str(bag)],
+    'forecast': lambda bag: [str(bag), '--warmup', '10', '--leads', '0.5'],
+    'play-through': lambda bag: [str(bag), '--output', str(bag.with_name('o.mcap'))],
+    'history': lambda bag: [str(bag), '--axis', 'roll', '--output', str(bag.with_name('h')), '--jobs', '1'],
+    'campaign': lambda bag: [campaign_of(bag), '--output', str(bag.with_name('c')), '--jobs', '1'],
+}
+VERBS = {words: taken for words, taken in VERBS.items() if words.split()[0] in table_of_verbs()}
+
+
+@pytest.mark.parametrize('mounting', ROTATIONS)
+@pytest.mark.parametrize('verb', VERBS)
+def test_every_verb_reads_a_bag_with_the_mounting_that_is_stated(verb, mounting, tmp_path, monkeypatch, capsys):
+    """With which the trial is that of the craft: see the test of that."""
+    read, decide = [], ImuRecord.installation
+
+    def seen(self, *given, **named):
+        read.append(decide(self, *given, **named).mounting)
+        raise InputError('that is enough')
+
+    monkeypatch.setattr(ImuRecord, 'installation', seen)
+    turn, short = matrix_of(mounting), decay(0.5, 0.5)
+    flag = '--mounting=' + ','.join(map(str, mounting))
+    parameters = tmp_path / 'p.yaml'
+    parameters.write_text(f'predictor: {{ros__parameters: {{mounting_deg: {list(mounting)}}}}}')
+    of_file = [] if verb == 'campaign' else [['--params-file', str(parameters)]]
+    for frames, *ways in (([('boat/base_link', 'boat/imu', turn)], []), ([], [flag], *of_file), ([], [])):
+        for given in ways:
+            (tmp_path / 'a.mcap').unlink(missing_ok=True)
+            bag = bag_of(tmp_path / 'a.mcap', short, mounting, frames)
+            assert main([*verb.split(), *VERBS[verb](bag), *given]) == 2
+            found = read.pop()
+            if frames or given:
+                assert (matrix_of(np.degrees(found)) * turn.inv()).magnitude() < np.radians(0.01)
+            else:
+                assert found is None
+    assert not read
+
+
+@pytest.mark.parametrize(
+    'verb',
+    [
+        pytest.param(each, marks=[pytest.mark.long] * (each in ('campaign', 'history')))
+        for each in VERBS
+        if each not in ('inspect', 'identify --at-sea', 'sea', 'forecast')
+    ],
+)
+def test_without_a_stated_mounting_every_verb_reports_the_tilt_and_names_the_axis_of_the_sensor(verb, tmp_path, capsys):
+    bag = bag_of(tmp_path / 'a.mcap', decay(length=30.0), (8, 0, 0))
+    assert main([*verb.split(), *VERBS[verb](bag)]) in (0, 1)
+    out, said = capsys.readouterr()
+    assert 'sensor-tilted' in said and re.search(r'\(--mounting (8|7\.9|8\.2),', said)
+    assert 'about the x axis of the sensor, whose mounting is not stated' in out
+
+
+def test_zeros_state_that_the_axes_agree_by_flag_parameter_and_file_and_what_is_not_set_states_none(tmp_path, capsys):
+    bag = str(bag_of(tmp_path / 'a.mcap', decay(0.5, 2.0), (0, 0, 0)))
+    parameters = tmp_path / 'p.yaml'
+    for text, is_stated in (('[0.0, 0.0, 0.0]', True), ('[0, 0, 0]', True), ('[.nan, .nan, .nan]', False)):
+        parameters.write_text(f'/**/predictor: {{ros__parameters: {{mounting_deg: {text}}}}}')
+        assert main(['inspect', bag, '--params-file', str(parameters)]) == 0
+        assert ('not stated' in capsys.readouterr().out) != is_stated
+    parameters.write_text('predictor: {ros__parameters: {mounting_deg: [.nan, 0.0, 90.0]}}')
+    assert main(['inspect', bag, '--params-file', str(parameters)]) == 2
+    assert 'three angles' in capsys.readouterr().err
+    assert main(['inspect', bag, '--mounting', '0,0,0']) == 0
+    assert 'not stated' not in capsys.readouterr().out
+
+
+def test_live_zeros_state_that_the_axes_agree_and_no_transform_is_waited_for(spun):
+    from swath_sysid.nodes.imu_buffer import ImuBuffer
+
+    given = run.ros_arguments(build_parser('run').parse_args(['run', '--mounting', '0,0,0']))
+    assert given[-2:] == ['-p', 'mounting_deg:=[0.0, 0.0, 0.0]']
+    node = spun.made(ImuBuffer, *given)
+    assert node.window.settings.installation.mounting == (0.0, 0.0, 0.0)
+    assert not node.transforms.are_awaited
+    # and while a node runs
+    other = spun.made(ImuBuffer)
+    assert other.window.settings.installation.mounting is None and other.transforms.are_awaited
+    assert spun.set_to(other, mounting_deg=[0.0, 0.0, 0.0]) == ['']
+    assert other.window.settings.installation.mounting == (0.0, 0.0, 0.0)
+
+
 def test_a_model_remembers_its_mounting_and_is_rejected_with_another(tmp_path, capsys):
     straight, bag = identify(decay(), LINEAR, axis='roll'), bag_of(tmp_path / 'a.mcap', decay(), ROTATIONS[0])
     found = identify(read_trial(bag, mounting=tuple(np.radians(ROTATIONS[0]))), LINEAR, axis='roll')
@@ -97,24 +216,9 @@ def test_a_model_remembers_its_mounting_and_is_rejected_with_another(tmp_path, c
     with pytest.raises(InputError, match='mounted at 15,-10,90 deg, and it is stated at 15,-10,96:'):
         check_mounting(held, Installation('flu', tuple(np.radians([15.0, -10.0, 96.0]))))
     for given, words in (((), 'without a stated mounting'), (('--mounting', '-15,10,0'), 'stated at -15,10,0')):
-        for verb in (('identify', '--at-sea'), ('play-through', '--output', str(tmp_path / 'o.mcap'))):
-            assert main([*verb, str(bag), '--model', model, *given]) == 2
+        for verb in VERBS.keys() & {'identify --at-sea', 'play-through', 'forecast'}:
+            assert main([*verb.split(), *VERBS[verb](bag), '--model', model, *given]) == 2
             assert words in capsys.readouterr().err
-
-
-def test_the_predictor_rejects_a_model_of_another_mounting():
-    pytest.importorskip('rclpy')
-    from swath_sysid.nodes.models_in_use import ModelsInUse
-
-    identified = IdentifiedModel.exactly(hull_named('swath-roll').model)
-    text = model_to_yaml({'roll': replace(identified, provenance={'mounting_deg': [15, -10, 90]})})
-    for mounting, is_rejected in ((None, True), (tuple(np.radians([15.0, -10.0, 90.0])), False)):
-        settings = SimpleNamespace(installation=Installation('flu', mounting))
-        pipeline, transforms = SimpleNamespace(settings=settings), SimpleNamespace(are_awaited=False)
-        used = ModelsInUse.__new__(ModelsInUse)
-        used._pipeline, used._transforms = pipeline, transforms
-        with pytest.raises(InputError, match='mounted at 15,-10,90 deg') if is_rejected else nullcontext():
-            assert set(used.read(text)[0]) == {'roll'}
 
 
 def test_a_tilt_and_an_unstated_mounting_are_reported_with_the_flag_that_sets_it(tmp_path, capsys):
@@ -199,8 +303,14 @@ def spun(monkeypatch):
     monkeypatch.setattr(transforms, 'message_class', lambda kind: Empty)
     nodes = []
 
-    def made(kind):
-        rclpy.init(args=['--ros-args', '-r', '__ns:=/spun'])
+    def end():
+        while nodes:
+            nodes.pop().destroy_node()
+        rclpy.try_shutdown()
+
+    def made(kind, *given):
+        end()
+        rclpy.init(args=['--ros-args', '-r', '__ns:=/spun', *given])
         nodes.append(kind())
         return nodes[-1]
 
@@ -215,9 +325,7 @@ def spun(monkeypatch):
         return [each.reason for each in node.set_parameters([Parameter(n, value=v) for n, v in values.items()])]
 
     yield SimpleNamespace(made=made, send=send, set_to=set_to)
-    for node in nodes:
-        node.destroy_node()
-    rclpy.try_shutdown()
+    end()
 
 
 def frames_of(*sent):

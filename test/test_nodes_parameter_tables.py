@@ -129,7 +129,7 @@ def test_the_configuration_file_holds_the_defaults():
         "print(configuration_file(), end='')\" > config/swath_sysid.yaml"
     )
     for node in NODES:
-        assert values_from_file(path, node) == defaults(node)
+        assert repr(values_from_file(path, node)) == repr(defaults(node))  # a NaN equals nothing
 
 
 def test_sections_of_a_parameter_file_apply_in_order(tmp_path):

@@ -14,8 +14,10 @@ def run(arguments: Namespace) -> int:
     """Print the mounting as parameter, flag and URDF line."""
     # whatever a file or a bag states: the axes of the sensor
     given = Namespace(**vars(arguments), mounting=(0.0, 0.0, 0.0), params_file=None)
-    found = estimate_mounting(read_record(arguments.record, given), arguments.pushed)
-    angles, turn = in_degrees(found.angles, 1), turn_in_craft(Installation(arguments.frame or 'flu', found.angles))
+    trial = read_record(arguments.record, given)
+    found = estimate_mounting(trial, arguments.pushed)
+    frame = trial.installation.frame if trial.installation is not None else 'flu'
+    angles, turn = in_degrees(found.angles, 1), turn_in_craft(Installation(frame, found.angles))
     urdf = ' '.join(f'{angle:.4f}' for angle in map(float, euler_angles(*turn)))
     data = {
         'mounting_deg': angles,

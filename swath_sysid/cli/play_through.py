@@ -78,7 +78,7 @@ def run(arguments: Namespace) -> int:
             progress((index + 1) / len(readings))
     show_advice((*readings.advice, *beside))
     stability = pipeline.refitter.stability.newest
-    show_advice(() if stability is None else stability.advice)
+    show_advice((*pipeline.forecasts.installation.contradictions, *(() if stability is None else stability.advice)))
     counted_reasons = _report_counts(pipeline, len(readings))
     refits = [((stamp_ns - int(readings.stamps[0])) / 1e9, str(verdict)) for stamp_ns, verdict in verdicts]
     published = ', '.join(f'{topic} {count}' for topic, count in bag.counts.items()) or 'nothing'

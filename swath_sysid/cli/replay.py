@@ -46,7 +46,7 @@ def _play(node: 'Replay', settings: 'ReplaySettings', should_stop: Callable[[], 
             show(f'left out, because the nodes publish them themselves: {", ".join(node.left_out)} (--topic chooses)')
         if node.unknown_types:
             show(f'left out, because their types are not installed: {", ".join(sorted(node.unknown_types))}')
-        show(f'publishing {", ".join(sorted(node.outlets))}')
+        show(f'publishing {", ".join(sorted(outlet.topic_name for outlet in node.outlets.values()))}')
         listening, expected = node.wait_for_listeners(), max(settings.listeners, 1)
         if listening < expected and not should_stop():
             show(f'only {listening} of {expected} subscribers are connected: publishing anyway')

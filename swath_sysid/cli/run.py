@@ -176,7 +176,7 @@ def _given_sections(words: Sequence[str]) -> Iterator[Section]:
         if flag == '--params-file':
             yield from sections_of(word)
         elif flag in ('-p', '--param') and (found := re.fullmatch(r'(?:([\w/*]+):)?([\w.]+):=(.*)', word, re.DOTALL)):
-            yield Section(OPTION, f'/**/{found[1] or "**"}', {found[2]: plain_content(found[3], word)})
+            yield Section(OPTION, f'/**/{found[1] or "**"}', {found[2]: plain_content(found[3], word, nan=True)})
 
 
 def remappings(arguments: Namespace) -> list[str]:

@@ -58,9 +58,9 @@ def check_model_and_plot(arguments: Namespace, inputs: Sequence[str | None]) -> 
     )
 
 
-def installation_of(arguments: Namespace) -> dict[str, Any]:
+def installation_of(arguments: Namespace, node: str = 'predictor') -> dict[str, Any]:
     """Frame and mounting that the command line states, else its parameter file; None: as the record does."""
-    given = installation(values_from_file(arguments.params_file, 'predictor'))
+    given = installation(values_from_file(arguments.params_file, node))
     frame = getattr(arguments, 'frame', None) or (None if given.frame == FRAMES[0] else given.frame)
     return {'frame': frame, 'mounting': arguments.mounting or given.mounting}
 

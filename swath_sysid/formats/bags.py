@@ -101,6 +101,14 @@ class ImuRecord:
             mounting = told.mounting
         return Installation(frame, mounting or mounting_in(self.frames, self.frame_id.lstrip('/'), CRAFT_FRAME, frame))
 
+    @property
+    def measured(self) -> list[np.ndarray]:
+        """Quaternions (N, 4), rates and specific forces (N, 3); NaN where the sensor does not measure them."""
+        return [
+            np.where(self.values[:, [covariance.start]] == NOT_MEASURED, np.nan, self.values[:, columns])
+            for columns, covariance in zip(IMU_PARTS[::2], IMU_PARTS[1::2], strict=True)
+        ]
+
     def __iter__(self) -> Iterator[ImuReading]:
         """One `ImuReading` after the other."""
         for stamp, row in zip(self.stamps.tolist(), self.values, strict=True):
@@ -131,10 +139,8 @@ def read_bag(
         stamps = record.received
         advice.append(Advice.of('no-header-stamps', topic=record.topic))
     readings: dict[str, np.ndarray] = {}
-    for names, columns, covariance in zip((QUATERNION, GYRO, ACCEL), IMU_PARTS[::2], IMU_PARTS[1::2], strict=True):
-        measured = record.values[:, covariance.start] != -1
-        if measured.any():
-            block = np.where(measured[:, None], record.values[:, columns], np.nan)
+    for names, block, covariance in zip((QUATERNION, GYRO, ACCEL), record.measured, IMU_PARTS[1::2], strict=True):
+        if np.any(record.values[:, covariance.start] != NOT_MEASURED):
             readings.update(zip(names, np.ascontiguousarray(block.T), strict=True))
     return assemble_trial(
         (stamps - stamps[0]) / 1e9, readings, installation, source=f'{path} {record.topic}', advice=advice
@@ -150,9 +156,10 @@ def read_imu(path: str | Path, topic: str | None = None, device: str | None = No
         if losses and IMU not in {c.msgtype for reader in readers for c in reader.connections}:
             raise InputError(f'{path} is damaged and nothing of an IMU topic is left in it: record it again')
         topic = chosen_topic(path, readers, IMU, topic, 'several-imu-topics')
-        decoder, tree, told = _ImuDecoder(), dict[str, tuple](), None
-        static = {c.topic for reader in readers for c in reader.connections if c.topic.endswith(STATIC_FRAMES)}
-        for connection, time_ns, raw in intact_messages(path, readers, {topic, DIAGNOSTICS_TOPIC, *static}, losses):
+        decoder, told = _ImuDecoder(), None
+        # by topic: in the namespace of another craft, frames of the same names are those of its own sensor
+        trees: dict[str, dict] = {name: {} for name in _transforms_for(topic, readers)}
+        for connection, time_ns, raw in intact_messages(path, readers, {topic, DIAGNOSTICS_TOPIC, *trees}, losses):
             if connection.msgtype == IMU:
                 decoder.add(time_ns, raw)
             elif connection.msgtype == TRANSFORMS or isinstance(raw, bytes) and MOUNTING.encode() in raw:
@@ -162,7 +169,7 @@ def read_imu(path: str | Path, topic: str | None = None, device: str | None = No
                     decoder.damaged += 1
                     continue
                 if connection.msgtype == TRANSFORMS:
-                    tree |= frame_tree(message)
+                    trees[connection.topic] |= frame_tree(message)
                 elif connection.msgtype == TYPES[DIAGNOSTICS_TOPIC]:
                     now = told_installation(message, topic)
                     # before its transforms come, the nodes state none
@@ -190,7 +197,15 @@ def read_imu(path: str | Path, topic: str | None = None, device: str | None = No
     elif len(frame_ids) > 1:
         advice.append(Advice.of('frame-id-changed', topic=topic, frames=len(frame_ids), names=names))
     frame_id = next(iter(frame_ids), '')
-    return ImuRecord(stamps, values, received, topic, frame_id, frames=tree, told=told, advice=tuple(advice))
+    frames_of = dict(item for tree in trees.values() for item in tree.items())
+    return ImuRecord(stamps, values, received, topic, frame_id, frames=frames_of, told=told, advice=tuple(advice))
+
+
+def _transforms_for(topic: str, readers: Sequence[Any]) -> list[str]:
+    """The topics of static transforms in the namespaces that a topic is in, the nearest last."""
+    static = {c.topic for reader in readers for c in reader.connections if c.topic.endswith(STATIC_FRAMES)}
+    own = (name for name in static if f'/{topic.lstrip("/")}'.startswith(name.removesuffix(STATIC_FRAMES) + '/'))
+    return sorted(own, key=len)
 
 
 def attitude_table(path: str | Path, topic: str) -> NamedColumns | None:

@@ -66,13 +66,13 @@ def text_of(path: str | Path, what: str = 'model file') -> str:
         raise InputError(f'{path} is not a {what}: it is not text in UTF-8') from error
 
 
-def plain_content(text: str, source: str) -> Any:
-    """Plain data of any YAML text, whose source the errors name; names are texts, numbers finite."""
+def plain_content(text: str, source: str, nan: bool = False) -> Any:
+    """Plain data of any YAML text, whose source the errors name; names are texts, numbers finite or, if asked, NaN."""
     _check_text(text, source)
     try:
         events = _checked(yaml.parse(text, Loader=_PARSER), source)
         root = next(events, None)
-        content = None if root is None else _value(root, events, (source,))
+        content = None if root is None else _value(root, events, (source,), nan)
         if next(events, None) is not None:
             raise InputError(f'{source}: a second document begins: give one alone')
         return content
@@ -91,15 +91,15 @@ def _too_deep(source: str) -> InputError:
     return InputError(f'{source}: nested more than {DEEPEST} deep: this is not a file of this software')
 
 
-def _value(event: yaml.Event, events: Iterator[yaml.Event], path: tuple[str, ...]) -> Any:
+def _value(event: yaml.Event, events: Iterator[yaml.Event], path: tuple[str, ...], nan: bool) -> Any:
     """The value that begins with an event; the path is that of names to it, behind the source."""
     # recursion is safe here: the depth is limited
     if isinstance(event, yaml.ScalarEvent):
-        return _scalar_value(event, path)
+        return _scalar_value(event, path, nan)
     if isinstance(event, yaml.SequenceStartEvent):
         items: list[Any] = []
         while not isinstance(item := next(events), yaml.CollectionEndEvent):
-            items.append(_value(item, events, (*path, str(len(items) + 1))))
+            items.append(_value(item, events, (*path, str(len(items) + 1)), nan))
         return items
     found: dict[str, Any] = {}
     while not isinstance(item := next(events), yaml.CollectionEndEvent):
@@ -108,7 +108,7 @@ def _value(event: yaml.Event, events: Iterator[yaml.Event], path: tuple[str, ...
             raise InputError(f'{_place(path)}: names must be texts')
         if name in found:
             raise InputError(f"{_place(path)}: '{shown(name)}' is given twice: leave one out")
-        found[name] = _value(next(events), events, (*path, name))
+        found[name] = _value(next(events), events, (*path, name), nan)
     return found
 
 
@@ -117,7 +117,7 @@ def _place(path: tuple[str, ...]) -> str:
     return source + ''.join(f', {shown(name)}' for name in names)[-LONGEST_SHOWN:]
 
 
-def _scalar_value(event: yaml.ScalarEvent, path: tuple[str, ...]) -> str | int | float | bool | None:
+def _scalar_value(event: yaml.ScalarEvent, path: tuple[str, ...], nan: bool = False) -> str | int | float | bool | None:
     """The value of a scalar: text, finite number, bool, or None."""
     text = event.value
     if event.style not in (None, ''):
@@ -132,6 +132,8 @@ def _scalar_value(event: yaml.ScalarEvent, path: tuple[str, ...]) -> str | int |
         return text
     if _INTEGER.fullmatch(text):
         return int(text)
+    if nan and text.lower() == '.nan':
+        return float('nan')
     if _NOT_FINITE.fullmatch(text):
         raise InputError(f'{_place(path)}: {text} is not a finite number: write null for what is not known')
     if not _FLOAT.fullmatch(text):

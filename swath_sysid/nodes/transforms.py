@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from swath_sysid.formats.messages import frame_tree
-from swath_sysid.formats.topics import STATIC_FRAMES, TRANSFORMS
+from swath_sysid.formats.topics import CRAFT_FRAME, STATIC_FRAMES, TRANSFORMS
 from swath_sysid.nodes.inbox import Arrival
 from swath_sysid.nodes.parameters.declared import NodeParameters
 from swath_sysid.nodes.parameters.settings import installation
@@ -32,13 +32,13 @@ class Transforms:
         stated = installation(parameters.values)
         self._awaited: AwaitedMounting | None = None
         if wait := parameters['mounting_wait_s'] if stated.mounting is None else 0.0:
-            kind = message_class(TRANSFORMS)
+            kind, craft = message_class(TRANSFORMS), parameters.values.get('frame_id', CRAFT_FRAME)
             self._cure = NO_TRANSFORMS
             if kind is not None:
                 topic = node.resolve_topic_name(STATIC_FRAMES)
                 self._cure = f'no transform on {topic} connects them: publish it, or set mounting_deg'
                 node.create_subscription(kind, STATIC_FRAMES, self.take, ALL_BROADCASTERS)
-            self._awaited = AwaitedMounting(stated.frame, parameters['frame_id'], wait if kind is not None else 0.0)
+            self._awaited = AwaitedMounting(stated.frame, craft, wait if kind is not None else 0.0)
         self._is_waiting = self._awaited is not None
 
     def take(self, message: Any) -> None:

@@ -2,19 +2,14 @@
 
 import json
 import sys
-from dataclasses import replace
 
 import hostile_models as hostile
 import numpy as np
 import pytest
 from test_cli import last_line, released, table
 from test_files_outputs import refusing
-from test_mounting import ROTATIONS, bag_of, decay
 
-from swath_sysid.attitude.hull.catalogue import hull_named
-from swath_sysid.attitude.hull.identified_model import IdentifiedModel
 from swath_sysid.cli.main import main
-from swath_sysid.formats.model_file import model_to_yaml
 from swath_sysid.share import share_folder
 
 RECORD = str(share_folder() / 'records' / 'kvlcc2_roll_decay.csv')
@@ -78,15 +73,6 @@ def test_the_forecast_of_a_record_uses_the_column_and_refuses_one_that_is_not_th
     assert found[0] != found[1]
     assert main(['forecast', path, '--upstream', 'sonar']) == 2
     assert "no column 'sonar' for an upstream channel" in ' '.join(capsys.readouterr().err.split())
-
-
-def test_a_model_of_another_mounting_is_rejected(tmp_path, capsys):
-    bag, model = str(bag_of(tmp_path / 'a.mcap', decay(), ROTATIONS[0])), tmp_path / 'model.yaml'
-    identified = IdentifiedModel.exactly(hull_named('swath-roll').model)
-    model.write_text(model_to_yaml({'roll': replace(identified, provenance={'mounting_deg': [15, -10, 90]})}))
-    for given, words in (((), 'without a stated mounting'), (('--mounting', '-15,10,0'), 'stated at -15,10,0')):
-        assert main(['forecast', bag, '--model', str(model), *given]) == 2
-        assert words in capsys.readouterr().err
 
 
 def test_without_ros_the_measured_sea_is_offered(tmp_path, monkeypatch, capsys):

@@ -29,7 +29,7 @@ from swath_sysid.attitude.motion.decay_candidates import (
     stands_out,
     turned_signals,
 )
-from swath_sysid.attitude.motion.trial import AxisMotion
+from swath_sysid.attitude.motion.trial import AxisMotion, axis_in_words
 from swath_sysid.attitude.motion.turning_points import EvenSignal
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
@@ -511,7 +511,8 @@ def _with_bounds(
 
 
 def _name(motion: AxisMotion) -> str:
-    return f'the {motion.axis} of {motion.source}' if motion.source else f'the {motion.axis}'
+    axis = axis_in_words(motion.axis, motion.installation)
+    return f'the {axis} of {motion.source}' if motion.source else f'the {axis}'
 
 
 def _in_degrees(value: float, quantity: str) -> str:

@@ -82,10 +82,14 @@ def _read(path: str | Path, arguments: Namespace):
             arguments.port_topic,
             arguments.starboard_topic,
             arguments.thrust_input,
+            # --frame is that of the odometry
+            **sources.installation_of(Namespace(**vars(arguments) | {'frame': None}), 'manoeuvring_predictor'),
         )
         return trial if arguments.frame is None else replace(trial, frame=arguments.frame)
     if Path(path).is_dir():
         raise InputError(f'{path} is a folder but not a bag: give files of tables, or bags')
+    if arguments.mounting is not None:
+        raise InputError(f'{path} is a table, whose yaw rate is that of the craft: leave the mounting out')
     return read_manoeuvring_csv(path, arguments.frame, sources.columns_of(arguments))
 
 

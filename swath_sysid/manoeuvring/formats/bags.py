@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from swath_sysid.attitude.motion.attitude import quaternion
+from swath_sysid.attitude.motion.attitude import euler_angles, quaternion
+from swath_sysid.attitude.motion.cleaning import ACCEL
 from swath_sysid.attitude.motion.intake import NOT_MEASURED
+from swath_sysid.attitude.motion.sensor_checks import TILT_CODES, contradictions_in
 from swath_sysid.common.account import Loss, in_words
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats import messages
-from swath_sysid.formats.bags import chosen_topic, intact_messages, opened_bag
+from swath_sysid.formats.bags import ImuRecord, chosen_topic, intact_messages, opened_bag, read_imu
 from swath_sysid.formats.messages import SECOND_NS
 from swath_sysid.formats.output_bag import writing_bag, writing_output_bag
 from swath_sysid.formats.topics import IMU, ODOMETRY, lead_topic
@@ -53,21 +55,26 @@ def read_manoeuvring_bag(
     port: str | None = None,
     starboard: str | None = None,
     thrust_input: str | None = None,
+    frame: str | None = None,
+    mounting: tuple[float, float, float] | None = None,
 ) -> ManoeuvringTrial:
     """Read a manoeuvre from a bag folder or a single .mcap or .db3 file; topics may be named where several fit. Pose
     and twist come from nav_msgs/Odometry (pose in ENU, twist in body axes x forward, y to port), yaw rate from
     sensor_msgs/Imu where there is one, thrust from two std_msgs/Float64 (or Float32) topics with left or port, right or
     starboard in their names, or from a sensor_msgs/JointState with two such joints (effort, else velocity). Values
-    within -1 and 1 are commands unless ``thrust_input`` is given.
+    within -1 and 1 are commands unless ``thrust_input`` is given. Frame and mounting of the IMU: see `read_trial`.
     """
     path = Path(path)
     with opened_bag(path) as (readers, losses):
         roles = {'odometry': chosen_topic(path, readers, ODOMETRY, odometry, SEVERAL)}
-        if imu or _topics(readers, IMU):
-            roles['imu'] = chosen_topic(path, readers, IMU, imu, SEVERAL)
         roles |= _thruster_topics(path, readers, port, starboard)
+        has_imu = bool(imu or _topics(readers, IMU))
+        imu = chosen_topic(path, readers, IMU, imu, SEVERAL) if has_imu else None
         tables = _read(path, readers, roles, losses)
     advice = [*in_words(losses, path)]
+    if has_imu:
+        tables['imu'], more = _yaw_rates(read_imu(path, imu), frame, mounting, path)
+        advice = [*dict.fromkeys([*advice, *more])]
     offset = _clock_offset(tables['odometry'], path, advice)
     series = {role: (_times(table, offset), table[:, 2:]) for role, table in tables.items()}
     sides, effort = _thrust(series, path)
@@ -79,7 +86,7 @@ def read_manoeuvring_bag(
             advice.append(Advice.of('taken-as-commands', path=path))
     stamps, pose = series['odometry']
     channels = {name: (stamps, values) for name, values in _motion(pose, stamps, path, advice).items()}
-    if 'imu' in series:
+    if has_imu and series['imu'][0].size:
         channels['yaw_rate'] = series['imu'][0], series['imu'][1][:, 0]
     channels |= {'port': (time, left), 'starboard': (time, right)}
     everything = np.unique(np.concatenate([times for times, _ in channels.values()]))
@@ -174,12 +181,28 @@ def _read(path: Path, readers: Sequence[Any], roles: dict[str, str], losses: lis
     return {role: np.array(rows[topic], dtype=float) for role, topic in roles.items()}
 
 
+def _yaw_rates(
+    record: ImuRecord, frame: str | None, mounting: tuple[float, float, float] | None, path: Path
+) -> tuple[np.ndarray, list[Advice]]:
+    """Rows as of `_read` with the rate about the craft's z axis, and advice; a sensor on its side is rejected."""
+    installation, (orientation, rates, force) = record.installation(frame, mounting), record.measured
+    # gravity where there is no attitude: a driver that reverses its sign does not turn the rates
+    channels = dict(zip(ACCEL, installation.vector(*force.T), strict=True))
+    if not np.isnan(orientation).all():
+        channels = dict(zip(('roll', 'pitch'), euler_angles(*installation.orientation(*orientation.T)), strict=False))
+    found = contradictions_in((record.stamps - record.stamps[0]) / SECOND_NS, channels, installation)
+    for each in found:
+        if each.code in ('sensor-turned', 'axes-of-sensor'):
+            raise InputError(f'{path} {record.topic}: {each.message}', each.code)
+    turning = installation.vector(*rates.T)[2]
+    table = np.column_stack([record.stamps / SECOND_NS, np.asarray(record.received) / SECOND_NS, turning])
+    return table[np.isfinite(turning)], [*record.advice, *(each for each in found if each.code in TILT_CODES)]
+
+
 def _numbers(message: Any, msgtype: str) -> tuple[float, ...]:
     if msgtype == ODOMETRY:
         reading = odometry_reading(message)
         return tuple(getattr(reading, name) for name in MEASURED)
-    if msgtype == IMU:
-        return (message.angular_velocity.z,)
     if msgtype == JOINTS:
         effort = len(message.effort) == len(message.name)
         source = message.effort if effort else message.velocity

@@ -4,7 +4,9 @@ import math
 from collections.abc import Callable
 from itertools import zip_longest
 from time import perf_counter
+from typing import Any
 
+import numpy as np
 from nav_msgs.msg import Odometry, Path
 from rclpy.node import Node
 from sensor_msgs.msg import Imu
@@ -21,9 +23,12 @@ from swath_sysid.manoeuvring.nodes.settings import manoeuvring_pipeline_settings
 from swath_sysid.manoeuvring.prediction.pipeline import ManoeuvreOutlook, ManoeuvringHealth
 from swath_sysid.nodes.diagnostics import DiagnosticsPublisher, EachOnce
 from swath_sysid.nodes.executor_loop import Plan, events_executor
+from swath_sysid.nodes.inbox import Arrival
 from swath_sysid.nodes.model_intake import ModelIntake
 from swath_sysid.nodes.parameters.declared import NodeParameters
+from swath_sysid.nodes.parameters.settings import installation
 from swath_sysid.nodes.qos import IMU_TOPIC, LATCHED, NEWEST, SENSOR, THRUSTERS
+from swath_sysid.nodes.transforms import Transforms
 from swath_sysid.pipeline.health import LARGEST_STAMP_AGE, Report
 
 
@@ -35,7 +40,9 @@ class ManoeuvringPredictor(Node):
     def __init__(self) -> None:
         super().__init__('manoeuvring_predictor')
         self._log_error = EachOnce(self.get_logger().error)
-        self.parameters = NodeParameters(self, 'manoeuvring_predictor', manoeuvring_pipeline_settings)
+        self.parameters = NodeParameters(self, 'manoeuvring_predictor', manoeuvring_pipeline_settings, self._mount)
+        self._mount()
+        self.transforms = Transforms(self, self.parameters)
         self.pipeline = ManoeuvreOutlook(self.parameters.settings)
         self.health = ManoeuvringHealth(self.resolve_topic_name('odometry'), self.pipeline)
         self._arrival = 0.0
@@ -73,11 +80,20 @@ class ManoeuvringPredictor(Node):
         if step.path:
             self._path.publish(path_message(step.path, reading.stamp, self._frames[0]))
 
+    def _mount(self, *_: Any) -> None:
+        self._installation = installation(self.parameters.values)
+        self._upward = self._installation.vector(*np.eye(3))[2]
+
     def _on_imu(self, message: Imu) -> None:
-        variance = float(message.angular_velocity_covariance[8])
-        if message.angular_velocity_covariance[0] != -1.0:
+        # until its mounting is known, the odometry alone tells the yaw rate
+        is_awaited = self.transforms.hold_back([Arrival(message, 0.0, 0)])
+        if message.angular_velocity_covariance[0] != -1.0 and not is_awaited:
+            with np.errstate(invalid='ignore'):  # of a covariance that is not finite
+                variance = self._upward @ np.reshape(message.angular_velocity_covariance, (3, 3)) @ self._upward
             std = variance**0.5 if 0.0 < variance < 1.0 else None
-            self.pipeline.add_yaw_rate(stamp_ns(message.header.stamp) / SECOND_NS, message.angular_velocity.z, std)
+            rate = message.angular_velocity
+            yaw_rate = self._installation.vector(rate.x, rate.y, rate.z)[2]
+            self.pipeline.add_yaw_rate(stamp_ns(message.header.stamp) / SECOND_NS, yaw_rate, std)
 
     def _thrust_callback(self, side: str) -> Callable[[Float64], None]:
         return lambda message: self.pipeline.add_thrust(self._now(), side, message.data)

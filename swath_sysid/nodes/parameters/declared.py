@@ -49,11 +49,8 @@ class NodeParameters:
     def mount(self, angles: list[float] | None) -> None:
         """State the mounting of the sensor, deg, in place of the user, or (None) that nobody does."""
         if angles is not None:
-            self.values = {**self.values, table.MOUNTED: True}
             self._node.set_parameters([Parameter('mounting_deg', value=angles)])
-        # also where zeros were and are
-        self.settings = self._settings_of(self.values)
-        if self._on_change is not None:
+        elif self._on_change is not None:
             self._on_change(self.settings)
 
     def _changed(self, parameters: list[Parameter]) -> table.Values:

@@ -31,7 +31,7 @@ class Section:
 
 def sections_of(path: str | Path) -> list[Section]:
     """The sections of a parameter file, in its order, in which the later takes precedence."""
-    content = plain_content(text_of(path, 'parameter file'), str(path))
+    content = plain_content(text_of(path, 'parameter file'), str(path), nan=True)
     if not content or not isinstance(content, dict):
         raise InputError(f'{path} is not a ROS parameter file: it needs a section for a node, with ros__parameters')
     return list(_sections(str(path), '', content))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, radians
+from math import inf, isnan, radians
 from typing import TYPE_CHECKING
 
 from swath_sysid.attitude.motion.attitude import Installation
 from swath_sysid.attitude.motion.stamps import StampSettings
 from swath_sysid.common.advice import counted
 from swath_sysid.common.errors import InputError
-from swath_sysid.nodes.parameters.table import EXAMPLE, MOUNTED, Values, check
+from swath_sysid.nodes.parameters.table import EXAMPLE, Values, check
 
 if TYPE_CHECKING:
     from swath_sysid.attitude.hull.craft_simulator import CraftSettings
@@ -21,12 +21,11 @@ if TYPE_CHECKING:
 
 
 def installation(values: Values) -> Installation:
-    """Frame and mounting of the sensor; zeros, the default, state none, unless transforms did."""
-    if len(values['mounting_deg']) != 3:
+    """Frame and mounting of the sensor; NaN, the default, states none."""
+    stated = [radians(angle) for angle in values['mounting_deg'] if not isnan(angle)]
+    if len(values['mounting_deg']) != 3 or len(stated) not in (0, 3):
         raise InputError('the parameter mounting_deg takes three angles (roll, pitch, yaw), as in [0.0, 0.0, 90.0]')
-    roll, pitch, yaw = (radians(angle) for angle in values['mounting_deg'])
-    is_stated = any((roll, pitch, yaw)) or MOUNTED in values
-    return Installation(values.get('frame', 'flu'), (roll, pitch, yaw) if is_stated else None)
+    return Installation(values.get('frame', 'flu'), (stated[0], stated[1], stated[2]) if stated else None)
 
 
 def stamp_settings(values: Values) -> StampSettings:

@@ -13,17 +13,15 @@ from swath_sysid.common.errors import InputError
 from swath_sysid.common.wings import handed_in, named, tables_of_wings, yaml_table
 
 Values = dict[str, Any]
+Table = tuple['NodeParameter', ...]
 
 POSITION = 'points.'  #: Begins the name of the parameter that holds the position of a point.
-MOUNTED = 'mounting_is_stated'  #: Among the values of a node that was told its mounting by transforms, also by zeros.
 EXAMPLE = ' (m forward, to port and up from the sensor), as in [2.5, 0.0, 0.0]'
 
 ATTITUDE_NODES = ('imu_buffer', 'identifier', 'predictor')
 NODES = (*ATTITUDE_NODES, *handed_in('nodes'), 'simulated_craft')
-
 #: Parameters that every node of ROS has, of none of which it warns.
 OF_ROS = re.compile(r'use_sim_time$|start_type_description_service$|qos_overrides\.')
-
 AS = 'as '  #: Begins, in place of a parameter's fields, the node that has the same parameter.
 
 
@@ -48,6 +46,8 @@ class NodeParameter:
 
     def problem(self, value: Any) -> str:
         """What is wrong with a value; empty where it is allowed."""
+        if repr(value) == repr(self.default):  # also NaN, which is in no range
+            return ''
         for element in value if isinstance(value, list | tuple) else [value]:
             if self.choices and element not in self.choices:
                 return f"cannot be '{element}': choose from {self.allowed}"
@@ -59,9 +59,6 @@ class NodeParameter:
 def node_module(node_name: str) -> str:
     """The module of a node, or of any other of the room ``nodes``, by its name."""
     return f'swath_sysid.{handed_in("nodes").get(node_name, f"nodes.{node_name}")}'
-
-
-Table = tuple[NodeParameter, ...]
 
 
 @cache
@@ -149,6 +146,5 @@ def defaults(node_name: str, values: Values | None = None) -> Values:
 def check(node_name: str, values: Values) -> None:
     """Raise `InputError` unless every value is allowed."""
     for parameter in parameters_of(node_name, values):
-        problem = parameter.problem(values[parameter.name])
-        if problem:
+        if problem := parameter.problem(values[parameter.name]):
             raise InputError(f'the parameter {parameter.name} {problem}')

@@ -24,7 +24,7 @@ from swath_sysid.tank.campaign.evaluation import Condition, TankRecord
 from swath_sysid.tank.campaign.manifest import Craft, Manifest, TrialEntry, loading_in_words
 from swath_sysid.tank.campaign.title_block import said_above
 
-RESULT_FORMAT = 5  #: Raised when earlier results can no longer be used.
+RESULT_FORMAT = 6  #: Raised when earlier results can no longer be used.
 SAME_DRAFT = 0.01  #: Relative difference of drafts that is none.
 ANGLE_STEP_DEG = 0.5  #: Resolution of an initial angle that is not given but taken from the decay.
 

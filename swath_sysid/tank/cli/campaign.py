@@ -7,6 +7,7 @@ from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
 
+from swath_sysid.attitude.motion.sensor_checks import TILT_CODES
 from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError
 from swath_sysid.formats.outputs import Output, check_outputs, refuse_inputs_among
@@ -69,7 +70,8 @@ def _work_off(arguments: Namespace) -> int:
 
 def _print_outcome(outcome: CampaignOutcome, report: Path, wall_s: float, as_json: bool):
     left_out = left_out_of(outcome)
-    show_advice(dict.fromkeys(a for t in outcome.trials for a in t.advice if a.code == 'several-drafts'))
+    shown = {'several-drafts', *TILT_CODES}
+    show_advice(dict.fromkeys(a for t in outcome.trials for a in t.advice if a.code in shown))
     for line in (*left_out, *outcome.failures):
         print(f'left out: {line}', file=sys.stderr)
     data = {

@@ -12,11 +12,12 @@ from swath_sysid.attitude.identification.at_sea import SeaRecord, identify_seas
 from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import decays_or_waves
 from swath_sysid.attitude.identification.result import IdentificationSettings
-from swath_sysid.attitude.motion.sensor_checks import refuse_contradictions
-from swath_sysid.attitude.motion.trial import Trial
+from swath_sysid.attitude.motion.sensor_checks import TILT_CODES, refuse_contradictions
+from swath_sysid.attitude.motion.trial import Trial, about_sensor
 from swath_sysid.cli.identify import check_positive
-from swath_sysid.cli.progress import print_result
+from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.cli.sources import columns_of, read_record, without_copies
+from swath_sysid.common.advice import Advice
 from swath_sysid.common.conventions import ADEQUATE, DOUBTFUL
 from swath_sysid.common.errors import DONE, PARTLY_DONE, InputError, of_file
 from swath_sysid.formats.bags import is_bag, opened_bag
@@ -55,14 +56,17 @@ def _followed(arguments: Namespace) -> int:
     folder = Path(arguments.output)
     check_outputs([Output('--output', arguments.output, is_folder=True)], paths)
     with kept_work('history', folder, arguments) as (store, executor, progress):
-        log, left_out = _logged(paths, arguments, store, executor, progress)
+        log, left_out, sensors = _logged(paths, arguments, store, executor, progress)
     left_out += [f'{each.message}' for each in advice]
     if not log:
         raise InputError(f'no record can be used: {left_out[0]}')
     entries, amplitude = entries_of(log)
     found = changes_in(entries)
     table = history_table(entries, found, amplitude, arguments.gm)
-    said = history_sentences(entries, found, arguments.axis, arguments.gm)
+    about = next(filter(None, (each['about'] for each in sensors)), '')
+    axis = f'{arguments.axis} ({about})' if about else arguments.axis
+    said = history_sentences(entries, found, axis, arguments.gm)
+    show_advice(dict.fromkeys(Advice(*each) for sensor in sensors for each in sensor['tilts']))
     with page_style():
         picture = history_figure(entries, found, arguments.axis)
         drawing = Drawing('history', f'Natural period and equivalent damping ratio, {arguments.axis}', picture)
@@ -93,9 +97,9 @@ def _records_of(given: Path) -> Iterator[Path]:
 
 def _logged(
     paths: Sequence[str], arguments: Namespace, store: ResultStore, executor: Executor, progress: Callable
-) -> tuple[list[Logged], list[str]]:
-    """The models of the records, which are read some at a time, and what was left out."""
-    log, left_out = [], []
+) -> tuple[list[Logged], list[str], list[dict]]:
+    """The models of the records, which are read some at a time, what was left out, and how the sensors are mounted."""
+    log, left_out, sensors = [], [], []
     work = Work(store, executor, lambda at: progress(at.done / len(paths), '; '.join(at.running[:2])))
     size = READ_AT_ONCE * (arguments.jobs if arguments.scheduler is None else ON_CLUSTER)
     stated = arguments.params_file and source_hash(arguments.params_file)
@@ -122,20 +126,25 @@ def _logged(
         results = work.results(list(tasks.values()))
         for path, task in tasks.items():
             if task.key in results:
-                began, verdict, text = results[task.key]
+                began, verdict, text, sensor = results[task.key]
+                sensors.append(sensor)
                 log.append(Logged(task.label, began or _date_in(path), verdict, model_from_yaml(text)[arguments.axis]))
-    return log, [*left_out, *work.failures]
+    return log, [*left_out, *work.failures], sensors
 
 
 def hull_of(trial: Trial, axis: str, began: float | None) -> list:
-    """Start, s since 1970, verdict and model file of one record, of its decays or of its motion in waves."""
+    """Start, s since 1970, verdict and model file of one record, of its decays or of its motion in waves, and what is
+    to be said of the mounting of its sensor.
+    """
     refuse_contradictions(trial, axis)
+    tilts = [(each.code, each.message) for each in trial.advice if each.code in TILT_CODES]
+    sensor = {'about': about_sensor(axis, trial.installation), 'tilts': tilts}
     problem = decays_or_waves([trial.axis(axis)])
     if problem is None:
         sea = identify_seas([SeaRecord.of(trial, axis)])
-        return [began, ADEQUATE if sea.is_usable else DOUBTFUL, model_to_yaml({axis: sea.identified_model({})})]
+        return [began, ADEQUATE if sea.is_usable else DOUBTFUL, model_to_yaml({axis: sea.identified_model({})}), sensor]
     found = identify_problem(problem, IdentificationSettings())
-    return [began, found.verdict.level, model_to_yaml({axis: found.identified_model({})})]
+    return [began, found.verdict.level, model_to_yaml({axis: found.identified_model({})}), sensor]
 
 
 def _start_of(path: str) -> float | None:
