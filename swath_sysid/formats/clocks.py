@@ -123,17 +123,12 @@ def clock_of(columns: Sequence[Column], values: Sequence[np.ndarray]) -> Clock:
 
 def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, int]:
     """A time (N,), s, that continues where its clock restarts, and how often that is: at midnight, at the end of summer
-    time, where day and month were exchanged, or at the largest number of a counter.
+    time, or at the largest number of a counter.
     """
-    with np.errstate(invalid='ignore'):
-        steps = np.diff(time)
-    if np.all((steps > 0.0) & (steps <= SPANS['month'])):
-        return time, 0
     known = np.flatnonzero(np.isfinite(time))
     values = time[known]
     steps = np.diff(values)
-    odd = (steps < 0.0) | (steps > SPANS['month'])
-    if not odd.any() or not np.any(steps > 0.0):
+    if not np.any(steps < 0.0) or not np.any(steps > 0.0):
         return time, 0
     typical = float(np.median(steps[steps > 0.0]))
     if unit in SIZES_OF_TEXT:
@@ -142,10 +137,9 @@ def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, in
         turns = [turn * (scale * 1e3 if unit == SAMPLES else 1.0) for turn in TURNS]
         turns = [turn for turn in turns if 0.0 <= values.min() and values.max() < turn + typical]
     for turn in turns:
-        whole = np.where(odd, np.round(steps / turn), 0.0)
+        whole = np.minimum(np.round(steps / turn), 0.0)
         over = steps - whole * turn
-        found = (whole < 0.0) | (whole * turn > SPANS['month'])
-        found &= (over > 0.0) & (over <= SPANS['near_steps'] * typical) & (4.0 * typical < turn)
+        found = (whole < 0.0) & (over > 0.0) & (over <= SPANS['near_steps'] * typical) & (4.0 * typical < turn)
         if found.any():
             time = time.copy()
             time[known[1:]] -= np.cumsum(np.where(found, whole * turn, 0.0))

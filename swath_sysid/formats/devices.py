@@ -128,10 +128,11 @@ def _pivoted(path: str | Path, head: TableHead, value: int, field: int, texts: S
     for at, cells in enumerate(rows):
         devices.setdefault('/'.join(cells[tag] for tag in tags), []).append(at)
     shared = [place for place in range(len(head.names)) if place not in (value, *texts)]
+    numbers = {head.names[place]: numbers_of([cells[place] for cells in rows]) for place in shared}
     for device, own in devices.items():
         fields = tuple(dict.fromkeys(names[at] for at in own))
         check_size(path, len(fields) * len(own))
-        columns = {head.names[place]: numbers_of([rows[at][place] for at in own]) for place in shared}
+        columns = {name: values[own] for name, values in numbers.items()}
         kinds = {at: head.kinds[place] for at, place in enumerate(shared) if place in head.kinds}
         timed = replace(of_arrays(columns, {}, ''), kinds=kinds)
         clock = next(iter(clocks_of([plain_name(name) for name in timed.names], timed)), ())

@@ -14,6 +14,7 @@ from struct import Struct
 import numpy as np
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.cells import OPEN_DATES
 from swath_sysid.formats.devices import by_device, long_form
 from swath_sysid.formats.files import LONGEST_SHOWN, shown
 from swath_sysid.formats.registry import FOREIGN, TANK, TANK_ENDINGS, TankFormat
@@ -81,6 +82,8 @@ def known_by_name(path: str | Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
+        if error.code == OPEN_DATES:
+            raise InputError(f'{path}: {error}', OPEN_DATES) from error
         if Path(path).suffix.lower() in TANK_ENDINGS and kind_of(path) is None:
             raise InputError(
                 f'{path} is named {Path(path).suffix} but is no such file, and no record as text either: copy or '

@@ -16,12 +16,13 @@ from swath_sysid.common.account import Loss
 from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.cells import (
+    DAY_FIRST,
     GROUPED,
     MISSING,
-    MONTH_FIRST,
     known_number,
     marks_of,
     numbers_of,
+    order_of_dates,
     plain_text,
     seconds_of_text,
 )
@@ -249,11 +250,10 @@ def read_columns(
     Dates become seconds since 1970; one without a zone counts as UTC.
     """
     with _opened(path) as file:
-        month_first = False
+        order = DAY_FIRST
         if any(head.kinds.get(index) in ('date', 'day') for index in indices):
-            blocks = iter(partial(file.read, BLOCK_BYTES), b'')
-            month_first = any(MONTH_FIRST.search(block.decode('latin-1')) for block in blocks)
-        parser = BlockParser(head, tuple(indices), month_first)
+            order = order_of_dates(block.decode('latin-1') for block in iter(partial(file.read, BLOCK_BYTES), b''))
+        parser = BlockParser(head, tuple(indices), order)
         size = file.seek(0, io.SEEK_END)
         file.seek(head.offset)
         while block := file.read(BLOCK_BYTES):
@@ -289,10 +289,10 @@ def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[s
 class BlockParser:
     """Parses a table block by block: fast where it is clean, cell by cell where it is not."""
 
-    def __init__(self, head: TableHead, indices: Sequence[int], month_first: bool = False) -> None:
+    def __init__(self, head: TableHead, indices: Sequence[int], order: str = DAY_FIRST) -> None:
         self.head = head
         self.indices = indices
-        seconds = partial(seconds_of_text, month_first=month_first)
+        seconds = partial(seconds_of_text, order=order)
         self.dates: Readers = {index: seconds for index in indices if index in head.kinds}
         self.readers: Readers = {index: self.dates.get(index, known_number) for index in indices}
         self.blocks = [np.empty((len(indices), 0))]

@@ -36,8 +36,8 @@ def one_row_per_sample(time: np.ndarray, channels: Channels) -> tuple[np.ndarray
     """A record, time (N,) in s and channels (N,), with one row for each sample, and advice on the others: rows without
     a time or a value, which are empty or of another device, are left out, and rows that repeat a sample are merged.
     """
-    time = np.asarray(time, dtype=float)
-    channels = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
+    time, *values = (np.where(np.isfinite(each), each, np.nan) for each in (time, *channels.values()))
+    channels = dict(zip(channels, values, strict=True))
     advice: list[Advice] = []
     filled = np.isfinite(time) | np.any([np.isfinite(values) for values in channels.values()], axis=0)
     if (empty := int(np.count_nonzero(~filled))) and filled.any():
@@ -102,10 +102,8 @@ def _repeated_samples(repeats: np.ndarray, channels: Channels) -> np.ndarray:
 
 def _distance(name: str, values: np.ndarray, others: np.ndarray | float) -> np.ndarray:
     """Values less others, of angles on the shorter way."""
-    # what is infinite is left out later
-    with np.errstate(invalid='ignore'):
-        apart, turn = values - others, 2.0 * np.pi
-        around = np.remainder(apart + 0.5 * turn, turn) - 0.5 * turn
+    apart, turn = values - others, 2.0 * np.pi
+    around = np.remainder(apart + 0.5 * turn, turn) - 0.5 * turn
     return around if name in ('roll', 'pitch', 'yaw', 'heading') else apart
 
 
