@@ -24,7 +24,7 @@ from swath_sysid.attitude.motion.attitude import FrameTree, Installation, body_r
 from swath_sysid.attitude.motion.cleaning import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.common.account import Loss, in_words, shortage
+from swath_sysid.common.account import Loss, described, in_words, shortage
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import BLOCK_BYTES, existing, reading
@@ -131,14 +131,17 @@ def read_bag(
     if np.all(stamps == stamps[0]) and stamps.size > 1 and record.received is not None:
         stamps = record.received
         advice.append(Advice.of('no-header-stamps', topic=record.topic))
-    readings: dict[str, np.ndarray] = {}
-    for names, columns, covariance in zip((QUATERNION, GYRO, ACCEL), IMU_PARTS[::2], IMU_PARTS[1::2], strict=True):
+    time, readings = (stamps - stamps[0]) / 1e9, dict[str, np.ndarray]()
+    said = [f'a bag, {IMU} on {record.topic}']
+    groups = zip((QUATERNION, GYRO, ACCEL), ('no unit', 'rad_s', 'm_s2'), IMU_PARTS[::2], IMU_PARTS[1::2], strict=True)
+    for names, unit, columns, covariance in groups:
         measured = record.values[:, covariance.start] != -1
         if measured.any():
             block = np.where(measured[:, None], record.values[:, columns], np.nan)
             readings.update(zip(names, np.ascontiguousarray(block.T), strict=True))
+            said += [f'{name} ({unit}): {described(time, readings[name])}' for name in names]
     return assemble_trial(
-        (stamps - stamps[0]) / 1e9, readings, installation, source=f'{path} {record.topic}', advice=advice
+        time, readings, installation, source=f'{path} {record.topic}', advice=advice, understood=said
     )
 
 
@@ -223,7 +226,7 @@ def attitude_table(path: str | Path, topic: str) -> NamedColumns | None:
         time = (sent - sent[:1]) / SECOND_NS
         return np.vstack([time, np.reshape(rows, (-1, len(columns))).T])[list(places)], tuple(losses)
 
-    return NamedColumns(('time_s', *columns), read, name=name)
+    return NamedColumns(('time_s', *columns), read, name=name, place=f'a bag, {kinds[name]}')
 
 
 def write_imu_bag(

@@ -36,6 +36,11 @@ class Column:
     unit: str | None  #: None: none is stated.
 
     @property
+    def in_words(self) -> str:
+        """What it was read as."""
+        return f"{self.reading} '{shown(self.name)}' ({self.unit or 'no unit'})"
+
+    @property
     def scale(self) -> float:
         """Its unit in SI."""
         return SIZES.get(self.unit or '', 1.0)
@@ -54,6 +59,11 @@ class Clock:
     def name(self) -> str:
         """Of its columns, as written."""
         return ' and '.join(column.name for column in self.columns)
+
+    @property
+    def in_words(self) -> str:
+        """Its columns and their units."""
+        return f"time '{shown(self.name)}' ({' and '.join(str(column.unit) for column in self.columns)})"
 
 
 Clocks = list[tuple[Column, ...]]

@@ -427,7 +427,7 @@ def assemble_trial(
     draft: float | None = None,
     initial_angle: float | None = None,
     advice: Sequence[Advice] = (),
-    understood: str = '',
+    understood: Sequence[str] = (),
 ) -> Trial:
     """A trial from the readings of a sensor, (N,) each, in SI units: cleaned, in the craft's axes, with Euler rates.
     Readings are any of ``roll``, ``pitch``, ``yaw`` or ``quaternion_x`` ... ``_w``; ``heading``, clockwise from north;
@@ -455,7 +455,7 @@ def assemble_trial(
         initial_angle=initial_angle,
         advice=(*advice, *sample_advice, *joined_advice, *cleaning_advice, *motion_advice, *contradictions),
         usable_share=len(time) / recorded,
-        understood=understood,
+        understood=tuple(understood),
         installation=installation if is_of_sensor else None,
     )
     if not trial.axes:
