@@ -140,9 +140,7 @@ def read_bag(
             block = np.where(measured[:, None], record.values[:, columns], np.nan)
             readings.update(zip(names, np.ascontiguousarray(block.T), strict=True))
             said += [f'{name} ({unit}): {described(time, readings[name])}' for name in names]
-    return assemble_trial(
-        time, readings, installation, source=f'{path} {record.topic}', advice=advice, understood=said
-    )
+    return assemble_trial(time, readings, installation, source=f'{path} {record.topic}', advice=advice, understood=said)
 
 
 def read_imu(path: str | Path, topic: str | None = None, device: str | None = None) -> ImuRecord:

@@ -114,8 +114,8 @@ def _in_order(said: Sequence[str], order: str) -> tuple[int, int, int]:
 
 def order_of_dates(texts: Iterable[str]) -> str:
     """The order of day, month and year in all the dates of a column: that in which most are dates, no year passes from
-    one to the next, midnight is followed by the next day, and time goes forward. Raises `InputError` where day and month
-    may be exchanged, and the time between rows with them.
+    one to the next, midnight is followed by the next day, and time goes forward. Raises `InputError` where two orders
+    are left that differ in the time between rows.
     """
     hours: dict[tuple[str, ...], list[str]] = {}  # the first and the last of each date
     for said in (each.groups() for text in texts for each in DATE_IN_NUMBERS.finditer(text)):

@@ -28,12 +28,13 @@ from swath_sysid.formats.cells import (
 )
 from swath_sysid.formats.files import BLOCK_BYTES, replacing, shown
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, balance, kind_of_cell, locate
-from swath_sysid.formats.vocabulary import INTERVALS, RATES, UNIT_IN_BRACKETS, VALUE_NAMES, plain_name
+from swath_sysid.formats.vocabulary import DEVICE_NAMES, INTERVALS, RATES, UNIT_IN_BRACKETS, VALUE_NAMES, plain_name
 
 LARGEST_UNPACKED = 1 << 28  #: Numbers, or bytes of text, in one packed file, whatever its own size.
 
 Progress = Callable[[float], None]  #: Takes the share done, 0 to 1.
 Losses = tuple[Loss, ...]
+Labels = dict[str, int]  #: Numbers of the devices that a column names.
 #: From the places of columns to their values, (columns, N), and what is lost of them; dates become seconds since 1970.
 Read = Callable[[Sequence[int], Progress | None], tuple[np.ndarray, Losses]]
 
@@ -89,14 +90,31 @@ def numbers_in(
     names: Sequence[str], columns: Sequence[Any], lines: Sequence[int] = range(1, LARGEST_UNPACKED)
 ) -> tuple[np.ndarray, Losses]:
     """Columns of cells of any kind as numbers, and the texts among them, by the lines of the rows."""
-    values = np.stack([numbers_of(cells) for cells in columns])
-    losses: list[Loss] = []
+    labels: Labels = {}
+    is_label = [plain_name(name) in DEVICE_NAMES for name in names]
+    values = np.stack(
+        [
+            [labelled(labels, cell) for cell in cells] if label else numbers_of(cells)
+            for label, cells in zip(is_label, columns, strict=True)
+        ]
+    )
+    losses = [*labels_of(labels)]
     for name, cells, row in zip(names, columns, values, strict=True):
         if np.asarray(cells).dtype.kind in 'OUS':
             texts = [at for at in np.flatnonzero(np.isnan(row)).tolist() if kind_of_cell(cells[at]) == 'text']
             known = int(np.count_nonzero(np.isfinite(row)))
             losses += [texts_lost(name, len(texts), known, lines[at], str(cells[at])) for at in texts[:1]]
     return values, tuple(losses)
+
+
+def labelled(labels: Labels, cell: Any) -> float:
+    """The number of the device that a cell names, from zero."""
+    return labels.setdefault(str(cell).strip(), len(labels))
+
+
+def labels_of(labels: Labels) -> Losses:
+    """The names of the devices, beside which nothing is lost."""
+    return (Loss('devices', of=1, said=dict(enumerate(labels))),) if labels else ()
 
 
 def texts_lost(name: str, number: int, known: int, line: int, cell: str) -> Loss:
@@ -294,6 +312,10 @@ class BlockParser:
         self.indices = indices
         seconds = partial(seconds_of_text, order=order)
         self.dates: Readers = {index: seconds for index in indices if index in head.kinds}
+        self.labels: Labels = {}
+        self.dates |= {
+            index: partial(labelled, self.labels) for index in indices if plain_name(head.names[index]) in DEVICE_NAMES
+        }
         self.readers: Readers = {index: self.dates.get(index, known_number) for index in indices}
         self.blocks = [np.empty((len(indices), 0))]
         self.line = head.first_line
@@ -324,7 +346,7 @@ class BlockParser:
 
     def losses(self) -> Losses:
         """What is not in the columns."""
-        losses: list[Loss] = []
+        losses = [*labels_of(self.labels)]
         for index, cells in sorted(self.text_cells.items(), key=lambda each: each[1]):
             place = self.indices.index(index)
             known = sum(int(np.count_nonzero(np.isfinite(block[place]))) for block in self.blocks)
