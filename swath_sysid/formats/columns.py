@@ -184,7 +184,7 @@ def read_table(
         advice += (Advice.of('columns-misspelt', pairs=meant),)
     columns = [known[place] for place in read]
     if match.by_other_names(quantities):
-        listed = ', '.join(each.in_words for each in (clock, *columns))
+        listed = ', '.join([clock.in_words, *(column.in_words for column in columns)])
         advice += (Advice.of('columns-understood', columns=listed),)
     values = values if len(read) == len(values) else values[read]
     return Table(path, match.table.remarks, clock, tuple(columns), values, advice, match.table.place)

@@ -71,8 +71,8 @@ def _by_label(table: NamedColumns) -> list[NamedColumns]:
         return []
     (numbers, *values), losses = table.read([at, *motions], None)
     numbers = np.where(np.isfinite(values).any(axis=0), numbers, np.nan)
-    names = {number: name for each in losses if each.code == 'devices' for number, name in each.said.items()}
-    several = [number for number in names if np.count_nonzero(numbers == number) >= MIN_ROWS]
+    names = next((str(each.said['names']).split('\0') for each in losses if each.code == 'devices'), [])
+    several = [number for number in range(len(names)) if np.count_nonzero(numbers == number) >= MIN_ROWS]
 
     def rows_of_device(number: int, places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, Losses]:
         values, lost = table.read(places, progress)

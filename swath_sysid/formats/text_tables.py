@@ -114,7 +114,7 @@ def labelled(labels: Labels, cell: Any) -> float:
 
 def labels_of(labels: Labels) -> Losses:
     """The names of the devices, beside which nothing is lost."""
-    return (Loss('devices', of=1, said=dict(enumerate(labels))),) if labels else ()
+    return (Loss('devices', of=1, said={'names': '\0'.join(labels)}),) if labels else ()
 
 
 def texts_lost(name: str, number: int, known: int, line: int, cell: str) -> Loss:

@@ -385,8 +385,8 @@ def by_channel(
     places = [place for place in places if place[1].sum() >= MIN_ROWS]
     if not places:
         raise InputError(
-            f'no stretch holds {MIN_ROWS} readings of a speed or of the yaw rate that are not those before them: record '
-            'them as they change, or fit longer stretches'
+            f'no stretch holds {MIN_ROWS} readings of a speed or of the yaw rate that are not those before them: '
+            'record them as they change, or fit longer stretches'
         )
     return [residual[place] for place in places], [slopes[:, c, known, w].T for c, known, w in places]
 
