@@ -172,3 +172,29 @@ def test_the_order_of_day_and_month_is_that_of_the_whole_column(tmp_path, form):
     for name in ('a.csv', 'a.mat'):
         trial = read_trial(tmp_path / name)
         assert trial.time - trial.time[0] == pytest.approx(seconds, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    'form,starts',
+    [
+        ('%d/%m/%Y %H:%M:%S.%f', [5]),
+        ('%m/%d/%Y %H:%M:%S.%f', [5 + 13.999 / 24]),
+        ('%d-%m-%y %H:%M:%S.%f', [1, 2, 3, 4]),
+        ('%d.%m.%Y %H:%M:%S.%f', [5, 7]),
+        ('%y-%m-%d %H:%M:%S.%f', [5, 7]),
+        ('%m/%d/%Y %H:%M:%S.%f', [5, 7]),
+        ('%d/%m/%Y %H:%M:%S.%f', [5, 35]),
+    ],
+)
+def test_dates_that_fit_two_orders_are_read_only_where_the_time_between_rows_is_the_same(tmp_path, form, starts):
+    seconds = np.concatenate([86400.0 * day + TIME for day in starts])
+    dates = [f'{datetime(2026, 5, 31, 10) + timedelta(seconds=float(t)):{form}}' for t in seconds]
+    rows = zip(dates, np.tile(ROLL, len(starts)), strict=True)
+    (tmp_path / 'a.csv').write_text(text(rows, names=['Date', 'roll_deg']))
+    if '/' in form and len(starts) > 1:
+        both = r'a.csv: its dates from .* from 0\d \w+ 2026 to 0\d \w+ 2026 or from 0\d \w+ 2026 to 0\d \w+ 2026: '
+        with pytest.raises(InputError, match=both):
+            read_trial(tmp_path / 'a.csv')
+        return
+    trial = read_trial(tmp_path / 'a.csv')
+    assert trial.time - trial.time[0] == pytest.approx(seconds - seconds[0], abs=1e-3)
