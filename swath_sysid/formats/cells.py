@@ -127,7 +127,7 @@ def order_of_dates(texts: Iterable[str]) -> str:
     steps = {order: np.diff(days[order]) for order in fitting}
     over = [before[1] in ('23', '11') and after[0] in ('00', '0', '12') for before, after in pairwise(hours.values())]
     # four dates or more that follow one another are no months
-    over = over if any(over) or len(over) < 3 else [True] * len(over)
+    over = over if any(over) else [len(over) > 2] * len(over)
     for is_likely in (
         lambda each: np.all(each < LONGEST_PAUSE),
         lambda each: each.size == len(over) and np.all(each[over] == 1) and any(over),
@@ -135,12 +135,9 @@ def order_of_dates(texts: Iterable[str]) -> str:
     ):
         fitting = [order for order in fitting if is_likely(steps[order])] or fitting
     if {DAY_FIRST, MONTH_FIRST} <= {*fitting} and not np.array_equal(steps[DAY_FIRST], steps[MONTH_FIRST]):
-        first, *_, last = (f'{a}{mark}{b}{mark}{y}' for a, mark, b, y in hours)
         spans = [' to '.join(f'{date.fromordinal(days[order][at]):%d %b %Y}' for at in (0, -1)) for order in ORDERS[:2]]
         raise InputError(
-            f'its dates from {first} to {last} may be those from {" or from ".join(spans)}: write the year first, as '
-            'in 2026-11-05',
-            OPEN_DATES,
+            f'its dates may run from {" or from ".join(spans)}: write the year first, as in 2026-11-05', OPEN_DATES
         )
     return fitting[0]
 
