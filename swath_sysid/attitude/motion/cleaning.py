@@ -27,6 +27,7 @@ SPIKES = (
     ([[-0.3, 1.0, 0.5, -0.2], [-0.2, 0.5, 1.0, -0.3]], (4.0, 4.0, 4.0)),
 )
 RESOLVED = 6.0  #: Of the smallest steps: a sensor at rest goes to and fro by its resolution.
+TO_AND_FRO = 0.3  #: Correlation of steps that are no motion's.
 SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
 
 Channels = dict[str, np.ndarray]
@@ -169,6 +170,11 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
     shared = int(np.count_nonzero(~fresh))
     if shared > SHARED_STAMPS * rows.size:
         spread, resolution = _spread_evenly(time[rows])
+        if any(_is_of_two(channels[name][rows]) for name in ('roll', 'pitch', *QUATERNION) if name in channels):
+            raise InputError(
+                f'{source}: the rows that share a stamp are those of two sensors, between which the angle jumps to and '
+                'fro: keep the rows of one'
+            )
         if spread is not None:
             interval = float(np.median(np.diff(spread)))
             each = round(resolution / interval)
@@ -192,6 +198,15 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
         advice += in_words([Loss('out-of-order-stamps', disordered, rows.size, said=said)], source)
     rows = rows[ordered]
     return time[rows], {name: values[rows] for name, values in channels.items()}, advice
+
+
+def _is_of_two(values: np.ndarray) -> bool:
+    """Whether a channel (N,) jumps to and fro between two sensors: its steps are opposite to the next ones, as in no
+    motion that is resolved, and like those after these, as in no noise.
+    """
+    steps = np.diff(values[np.abs(values) <= np.pi])
+    opposite, alike = -steps[1:] @ steps[:-1], steps[2:] @ steps[:-2]
+    return bool(min(opposite, alike) > TO_AND_FRO * (steps @ steps) > 0.0)
 
 
 def _out_of_bursts(time: np.ndarray, channels: Channels, rows: np.ndarray) -> tuple[np.ndarray, Advice] | None:
