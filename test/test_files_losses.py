@@ -43,6 +43,11 @@ def rows_of_another_sensor(path):
     path.write_text(text([line for row in ROWS for line in (row, ('TEMP', 21.5, 'OK'))]))
 
 
+def empty_rows_between_dates(path):
+    rows = [line for t, *rest in ROWS for line in ((f'2026-11-12 10:00:{t:09.6f} UTC', *rest), ('', '', ''))]
+    path.write_text(text(rows, '\t', ['Date', '"Roll\n[deg]"', '"Pitch\n[deg]"']))
+
+
 def other_order(path):
     path.write_text(text(ROWS[:300]) + text([(t, p, r) for t, r, p in ROWS[300:]], names=['time_s', *NAMES[:0:-1]]))
 
@@ -102,6 +107,7 @@ FILES = {
     'glued.csv': (glued, 598, ['rows-of-other-width', 'gaps'], '1 row with more or fewer'),
     'quoted.csv': (quoted_marks, 600, [], ''),
     'rows.csv': (rows_of_another_sensor, 600, ['empty-rows'], '600 rows .50%. without a time'),
+    'empty.tsv': (empty_rows_between_dates, 600, [], ''),
     'other_order.csv': (other_order, 0, [], 'has other columns from line 302 on'),
     'texts.xlsx': (texts_in_cells, 600, ['text-in-numbers', 'missing-values'], "12 cells .* 'ERR' in line 2"),
     'long.csv': (texts_in_long_form, 600, ['text-in-numbers', 'repeated-samples', 'missing-values'], "'ERR' in line 2"),

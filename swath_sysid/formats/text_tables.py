@@ -490,8 +490,7 @@ def _widths(row: Sequence[str]) -> set[int]:
 
 def _delimiter_of_numbers(lines: Sequence[str]) -> str | None:
     """The mark that leaves the most values and the fewest texts in the last lines."""
-    last = [line for line in lines if line and not _is_comment(line)][-ROWS_OF_SAMPLE // 8 :]
-
+    last = [line for line in lines if line.strip(' ;\t|,') and not _is_comment(line)][-ROWS_OF_SAMPLE // 8 :]
     balances = {mark: [_balance(line, mark) for line in last] for mark in (';', '\t', '|', ',', None)}
     clean = {mark: [values > 1 and not texts for values, texts in found] for mark, found in balances.items() if mark}
     sure = next((mark for mark, lines in clean.items() if sum(lines) > 0.9 * len(lines)), None)
