@@ -196,7 +196,7 @@ def test_dates_that_fit_two_orders_are_read_only_where_the_time_between_rows_is_
     seconds = np.concatenate([86400.0 * day + TIME for day in starts])
     dates = [f'{datetime(2026, 5, 31, 10) + timedelta(seconds=float(t)):{form}}' for t in seconds]
     rows = zip(dates, np.tile(ROLL, len(starts)), strict=True)
-    (tmp_path / 'a.csv').write_text(text(rows, names=['Date', 'roll_deg']))
+    (tmp_path / 'a.csv').write_text('# printed on 01/12/2027\n' + text(rows, names=['Date', 'roll_deg']))
     if '/' in form and len(starts) > 1:
         both = r'a.csv: its dates may run from 0\d \w+ 2026 to 0\d \w+ 2026 or from 0\d \w+ 2026 to 0\d \w+ 2026: '
         with pytest.raises(InputError, match=both):

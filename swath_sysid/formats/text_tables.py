@@ -267,10 +267,10 @@ def read_columns(
     """Columns by their places from 0, shape (len(indices), N), with NaN for text and in short rows, and what is lost.
     Dates become seconds since 1970; one without a zone counts as UTC.
     """
+    order, dated = DAY_FIRST, [index for index in indices if index in head.kinds]
+    if any(head.kinds[index] != 'clock' for index in dated):
+        order = order_of_dates(' '.join(cells[at] for at in dated if at < len(cells)) for cells in rows_of(path, head))
     with _opened(path) as file:
-        order = DAY_FIRST
-        if any(head.kinds.get(index) in ('date', 'day') for index in indices):
-            order = order_of_dates(block.decode('latin-1') for block in iter(partial(file.read, BLOCK_BYTES), b''))
         parser = BlockParser(head, tuple(indices), order)
         size = file.seek(0, io.SEEK_END)
         file.seek(head.offset)
