@@ -46,8 +46,8 @@ def tables(path: str | Path) -> list[NamedColumns]:
     rows: dict[str, list[list[float]]] = {}
     clock, text = '', Path(path).read_text('latin-1')
     sentences = LINE.findall(text)
-    # a bare number would not state what it counts
     summed = {said[:5] for _, said, checksum in sentences if checksum}
+    # a bare number would not state what it counts
     logged = numbers_of([before.strip(' ,;\t') if ':' in before else '' for before, *_ in sentences])
     for (_, said, checksum), received in zip(sentences, logged.tolist(), strict=True):
         row, is_whole = _attitude(said), said[:5] not in summed
