@@ -136,7 +136,11 @@ def test_inspect_names_the_decay(trial_file, tmp_path, capsys):
     picture = tmp_path / 'record.png'
     assert main(['inspect', str(trial_file), '--plot', str(picture)]) == 0
     words = capsys.readouterr().out
-    assert [part for part in ('400 samples', '25.0 Hz', 'pitch decay') if part not in words] == []
+    assert [
+        part
+        for part in ('400 samples', '25.0 Hz', 'pitch decay', 'as: a text table', '0.00% missing')
+        if part not in words
+    ] == []
     assert picture.stat().st_size > 10_000
     assert main(['inspect', str(trial_file), '--json']) == 0
     found = json.loads(capsys.readouterr().out)

@@ -346,14 +346,15 @@ def test_of_a_split_bag_with_a_part_cut_the_rest_is_read_and_the_share_told(tmp_
         left = len(content) - 8 if packed else len(content) // 2
         (folder / f'bag_{part}.{ending}').write_bytes(content[:left] if part == 1 else content)
     names = [f'bag_{part}.{ending}' for part in range(3)]
-    metadata = {'rosbag2_bagfile_information': {'relative_file_paths': names, 'message_count': 1800}}
-    (folder / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
+    counts = [{'topic_metadata': {'name': name}, 'message_count': 1800} for name in ('/imu/data', '/absent')]
+    content = {'relative_file_paths': names, 'topics_with_message_count': counts}
+    (folder / 'metadata.yaml').write_text(yaml.safe_dump({'rosbag2_bagfile_information': content}))
     record = read_imu(folder)
     assert 1300 < len(record) < 1600 and [advice.code for advice in record.advice] == [
         'damaged-bag',
         'incomplete-record',
     ]
-    assert f'lacks {1800 - len(record)} of the 1800' in record.advice[1].message
+    assert f'lacks {1800 - len(record)} of the 1800 messages on /imu/data' in record.advice[1].message
 
 
 @pytest.mark.parametrize('room, count', [(100_000, 250), (30_000, 50)])

@@ -50,6 +50,14 @@ def wide(header):
         yield ','.join(f'{value:.6f}' for value in (t, *(each[name][at] for name in ROLL for each in (ROLL, PITCH))))
 
 
+def rows_by_sensor():
+    """With another device, which has no motion, between them."""
+    yield 'time_s,sensor,roll_deg,pitch_deg,depth_m'
+    for at, t in enumerate(TIME):
+        yield from (f'{t:.3f},{name},{ROLL[name][at]:.6f},{PITCH[name][at]:.6f},' for name in ROLL)
+        yield f'{t:.3f},sonar,,,12.5'
+
+
 SERIES = ('/nav/fore/roll_deg', '/nav/fore/pitch_deg', '/nav/aft/roll_deg', '/nav/aft/pitch_deg')
 LABELS = [f'"{reading}_deg{{place={name}}}"' for name in ROLL for reading in ('roll', 'pitch')]
 BODIES = (
@@ -61,6 +69,7 @@ KINDS = {
     'nmea.log': (nmea(), {'fore': 'YX', 'aft': 'TI'}),
     'influx.csv': (influx(), {}),
     'long.csv': (long_rows(), {}),
+    'rows.csv': (rows_by_sensor(), {}),
     'plotjuggler.csv': (wide([','.join(('__time', *SERIES))]), {'fore': 'nav/fore', 'aft': 'nav/aft'}),
     'prometheus.csv': (wide([','.join(('time_s', *LABELS))]), {'fore': 'place=fore', 'aft': 'place=aft'}),
     'motive.csv': (wide(BODIES), {}),

@@ -43,6 +43,11 @@ def rows_of_another_sensor(path):
     path.write_text(text([line for row in ROWS for line in (row, ('TEMP', 21.5, 'OK'))]))
 
 
+def empty_rows_between_dates(path):
+    rows = [line for t, *rest in ROWS for line in ((f'2026-11-12 10:00:{t:09.6f} UTC', *rest), ('', '', ''))]
+    path.write_text(text(rows, '\t', ['Date', '"Roll\n[deg]"', '"Pitch\n[deg]"']))
+
+
 def other_order(path):
     path.write_text(text(ROWS[:300]) + text([(t, p, r) for t, r, p in ROWS[300:]], names=['time_s', *NAMES[:0:-1]]))
 
@@ -102,6 +107,7 @@ FILES = {
     'glued.csv': (glued, 598, ['rows-of-other-width', 'gaps'], '1 row with more or fewer'),
     'quoted.csv': (quoted_marks, 600, [], ''),
     'rows.csv': (rows_of_another_sensor, 600, ['empty-rows'], '600 rows .50%. without a time'),
+    'empty.tsv': (empty_rows_between_dates, 600, [], ''),
     'other_order.csv': (other_order, 0, [], 'has other columns from line 302 on'),
     'texts.xlsx': (texts_in_cells, 600, ['text-in-numbers', 'missing-values'], "12 cells .* 'ERR' in line 2"),
     'long.csv': (texts_in_long_form, 600, ['text-in-numbers', 'repeated-samples', 'missing-values'], "'ERR' in line 2"),
@@ -172,3 +178,29 @@ def test_the_order_of_day_and_month_is_that_of_the_whole_column(tmp_path, form):
     for name in ('a.csv', 'a.mat'):
         trial = read_trial(tmp_path / name)
         assert trial.time - trial.time[0] == pytest.approx(seconds, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    'form,starts',
+    [
+        ('%d/%m/%Y %H:%M:%S.%f', [5]),
+        ('%m/%d/%Y %H:%M:%S.%f', [5 + 13.999 / 24]),
+        ('%d-%m-%y %H:%M:%S.%f', [1, 2, 3, 4]),
+        ('%d.%m.%Y %H:%M:%S.%f', [5, 7]),
+        ('%y-%m-%d %H:%M:%S.%f', [5, 7]),
+        ('%m/%d/%Y %H:%M:%S.%f', [5, 7]),
+        ('%d/%m/%Y %H:%M:%S.%f', [5, 35]),
+    ],
+)
+def test_dates_that_fit_two_orders_are_read_only_where_the_time_between_rows_is_the_same(tmp_path, form, starts):
+    seconds = np.concatenate([86400.0 * day + TIME for day in starts])
+    dates = [f'{datetime(2026, 5, 31, 10) + timedelta(seconds=float(t)):{form}}' for t in seconds]
+    rows = zip(dates, np.tile(ROLL, len(starts)), strict=True)
+    (tmp_path / 'a.csv').write_text('# printed on 01/12/2027\n' + text(rows, names=['Date', 'roll_deg']))
+    if '/' in form and len(starts) > 1:
+        both = r'a.csv: its dates may run from 0\d \w+ 2026 to 0\d \w+ 2026 or from 0\d \w+ 2026 to 0\d \w+ 2026: '
+        with pytest.raises(InputError, match=both):
+            read_trial(tmp_path / 'a.csv')
+        return
+    trial = read_trial(tmp_path / 'a.csv')
+    assert trial.time - trial.time[0] == pytest.approx(seconds - seconds[0], abs=1e-3)

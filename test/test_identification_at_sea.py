@@ -198,6 +198,11 @@ def test_a_slow_heel_is_no_wave_and_accuses_no_unit(linear_motion):
     slow = np.sin(2.0 * np.pi / 33.0 * linear_motion.time)
     heeled = replace(linear_motion, angle=linear_motion.angle + 0.8 * linear_motion.angle.std() * slow)
     assert sea_motion(heeled).peak == pytest.approx(sea_motion(linear_motion).peak, rel=0.05)
+    # 0.8^2 / 2 of the variance of the waves
+    assert (
+        sea_motion(heeled).slow_share == pytest.approx(0.32 / 1.32, rel=0.1)
+        and not sea_motion(linear_motion).slow_share
+    )
     wandering = replace(linear_motion, rate=linear_motion.rate + 3.0 * linear_motion.rate.std() * slow)
     assert rate_mismatch(wandering, 2.5) < 0.1
     assert rate_mismatch(replace(linear_motion, rate=np.degrees(linear_motion.rate)), 2.5) > 0.35

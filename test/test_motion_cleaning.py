@@ -66,12 +66,23 @@ def test_samples_that_are_sent_several_times_are_one(noise):
     assert one_row_per_sample(np.repeat(time, 3), batch)[2] == []
 
 
+@pytest.mark.parametrize('other', [lambda t: 0.12 * np.sin(2.1 * t) + 0.02, lambda t: 0.04 + 0.05 * np.cos(1.7 * t)])
+def test_rows_of_two_sensors_with_one_stamp_are_not_spread(other):
+    time = 0.1 * np.arange(300)
+    both = np.column_stack([0.1 * np.sin(2.1 * time), other(time)]).ravel()
+    with pytest.raises(InputError, match='those of two sensors'):
+        clean(np.repeat(time, 2), {'roll': both})
+    batch = 0.1 * np.sin(2.1 * (0.05 * np.arange(600)))
+    assert 'rounded-stamps' in codes(clean(np.repeat(time, 2), {'roll': batch})[2])
+
+
 def test_values_with_one_stamp_in_two_rows_are_one_sample_and_empty_rows_none():
     time, channels = record()
     rows = {'roll': np.full(3 * time.size, np.nan), 'gyro_x': np.full(3 * time.size, np.nan)}
     rows['roll'][::3], rows['gyro_x'][1::3] = channels['roll'], channels['roll']
-    stamps = np.column_stack([time, time, np.full(time.size, np.nan)]).ravel()
-    kept, merged, advice = one_row_per_sample(stamps, rows)
+    stamps = np.column_stack([time, time, np.where(time < 1.0, np.nan, np.inf)]).ravel()
+    with np.errstate(all='raise'):
+        kept, merged, advice = one_row_per_sample(stamps, rows)
     assert np.array_equal(kept, time) and all(np.array_equal(row, channels['roll']) for row in merged.values())
     assert codes(advice) == ['empty-rows', 'repeated-samples']
 

@@ -4,6 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import groupby
 
+import numpy as np
+
 from swath_sysid.common.advice import REFUSALS, Advice, counted
 from swath_sysid.common.conventions import LOST_SHARE, MIN_ROWS
 from swath_sysid.common.errors import InputError
@@ -29,6 +31,16 @@ def shortage(claimed: int, read: int, counter: str, what: str = 'rows') -> tuple
     """What a file lacks of what its own index or header claims to be there."""
     missing = Loss('incomplete-record', claimed - read, claimed, what, {'counter': counter})
     return (missing,) if missing.number > 0 else ()
+
+
+def described(time: np.ndarray, values: np.ndarray) -> str:
+    """Range, first value, rate and missing share of a channel (N,) in its unit, by its times, s."""
+    known = np.isfinite(values) & np.isfinite(time)
+    if not known.any():
+        return 'no values'
+    there, span, missing = values[known], np.ptp(time[known]), 1.0 - np.mean(known)
+    rate = f'{(there.size - 1) / span:.4g} Hz' if span > 0.0 else 'no rate'
+    return f'{there.min():.4g} to {there.max():.4g}, first {there[0]:.4g}, {rate}, {missing:.2%} missing'
 
 
 def in_words(losses: Iterable[Loss], source: object) -> tuple[Advice, ...]:

@@ -5,8 +5,8 @@ import re
 import shutil
 import sqlite3
 import tempfile
-from collections import defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from operator import attrgetter
@@ -24,7 +24,7 @@ from swath_sysid.attitude.motion.attitude import FrameTree, Installation, body_r
 from swath_sysid.attitude.motion.cleaning import ACCEL, GYRO, QUATERNION, assemble_trial
 from swath_sysid.attitude.motion.intake import NOT_MEASURED, ImuReading
 from swath_sysid.attitude.motion.trial import Trial
-from swath_sysid.common.account import Loss, in_words, shortage
+from swath_sysid.common.account import Loss, described, in_words, shortage
 from swath_sysid.common.advice import Advice
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.files import BLOCK_BYTES, existing, reading
@@ -55,6 +55,7 @@ from swath_sysid.formats.topics import (
 )
 
 METADATA_FILE = 'metadata.yaml'
+ON = 'messages on '  #: A topic, that lack.
 ZSTD = b'\x28\xb5\x2f\xfd'  #: How what was compressed with zstd begins, as no serialised message does.
 #: Tables of a database that messages are read from, and their columns.
 ROWS = {
@@ -138,13 +139,14 @@ def read_bag(
     if np.all(stamps == stamps[0]) and stamps.size > 1 and record.received is not None:
         stamps = record.received
         advice.append(Advice.of('no-header-stamps', topic=record.topic))
-    readings: dict[str, np.ndarray] = {}
-    for names, block, covariance in zip((QUATERNION, GYRO, ACCEL), record.measured, IMU_PARTS[1::2], strict=True):
+    time, readings = (stamps - stamps[0]) / 1e9, dict[str, np.ndarray]()
+    said = [f'a bag, {IMU} on {record.topic}']
+    groups = zip((QUATERNION, GYRO, ACCEL), ('no unit', 'rad_s', 'm_s2'), record.measured, IMU_PARTS[1::2], strict=True)
+    for names, unit, block, covariance in groups:
         if np.any(record.values[:, covariance.start] != NOT_MEASURED):
             readings.update(zip(names, np.ascontiguousarray(block.T), strict=True))
-    return assemble_trial(
-        (stamps - stamps[0]) / 1e9, readings, installation, source=f'{path} {record.topic}', advice=advice
-    )
+            said += [f'{name} ({unit}): {described(time, readings[name])}' for name in names]
+    return assemble_trial(time, readings, installation, source=f'{path} {record.topic}', advice=advice, understood=said)
 
 
 def read_imu(path: str | Path, topic: str | None = None, device: str | None = None) -> ImuRecord:
@@ -237,7 +239,7 @@ def attitude_table(path: str | Path, topic: str) -> NamedColumns | None:
         time = (sent - sent[:1]) / SECOND_NS
         return np.vstack([time, np.reshape(rows, (-1, len(columns))).T])[list(places)], tuple(losses)
 
-    return NamedColumns(('time_s', *columns), read, name=name)
+    return NamedColumns(('time_s', *columns), read, name=name, place=f'a bag, {kinds[name]}')
 
 
 def write_imu_bag(
@@ -343,12 +345,14 @@ def opened_bag(path: str | Path) -> Iterator[tuple[list[Any], list[Loss]]]:
 
 
 def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Loss]]:
-    files, expected, problem = _storage_files(path), 0, 'its metadata.yaml is missing'
+    files, problem = _storage_files(path), 'its metadata.yaml is missing'
+    expected: dict[str, int] = {}
     if (path / METADATA_FILE).is_file():
         try:
             content = yaml.safe_load((path / METADATA_FILE).read_bytes())['rosbag2_bagfile_information']
             listed = [path / Path(name).name for name in content['relative_file_paths']]
-            expected = int(content['message_count'])
+            counts = content.get('topics_with_message_count') or []
+            expected = {each['topic_metadata']['name']: int(each['message_count']) for each in counts}
             absent = [file.name for file in listed if not file.is_file()]
             problem = (
                 f'{", ".join(absent)} is missing' if absent else '' if listed else 'its metadata.yaml lists no file'
@@ -372,8 +376,21 @@ def _open_folder(path: Path, stack: ExitStack) -> tuple[list[Any], list[Loss]]:
         losses += more
     if not readers:
         raise InputError(in_words(losses, path)[-1].message)
-    there = sum(c.msgcount for reader in readers for c in reader.connections)
-    return readers, [*losses, *shortage(expected, there, 'its metadata.yaml', 'messages')]
+    there = _counted(c for reader in readers for c in reader.connections)
+    return readers, [*losses, *_missing(expected, there, 'its metadata.yaml')]
+
+
+def _counted(connections: Iterable[Any]) -> Counter[str]:
+    """How many messages of each topic there are."""
+    counts = Counter[str]()
+    for connection in connections:
+        counts[connection.topic] += connection.msgcount
+    return counts
+
+
+def _missing(expected: Mapping[str, int], read: Mapping[str, int], counter: str) -> Iterator[Loss]:
+    for topic, number in expected.items():
+        yield from shortage(number, read[topic], counter, f'{ON}{topic}')
 
 
 class _Schemas(dict):
@@ -532,18 +549,20 @@ def chosen_topic(path: str | Path, readers: Sequence[Any], kind: str, given: str
 def intact_messages(
     path: str | Path, readers: Sequence[Any], topics: Collection[str], losses: list[Loss]
 ) -> Iterator[tuple[Any, int, bytes]]:
-    """Connection, time of reception, ns, and bytes of the messages of topics; what cannot be read joins the losses."""
+    """Connection, time of reception, ns, and bytes of the messages of topics; what cannot be read joins the losses,
+    from which what other topics lack is left out.
+    """
+    losses[:] = [loss for loss in losses if not loss.what.startswith(ON) or loss.what.removeprefix(ON) in topics]
     for reader in readers:
         connections = [c for c in reader.connections if c.topic in topics]
-        read = 0
+        expected, read = _counted(connections), Counter[str]()
         try:
             for message in reader.messages(connections) if connections else ():
-                read += 1
+                read[message[0].topic] += 1
                 yield message
-            losses += shortage(sum(c.msgcount for c in connections), read, 'its index', 'messages')
+            losses += _missing(expected, read, 'its index')
         except Exception as error:  # the libraries raise whatever a broken byte leads them to
-            reason = f'{_reason(path, error)} after {read} of {sum(c.msgcount for c in connections)} messages'
-            losses += damage(reason)
+            losses += damage(f'{_reason(path, error)} after {read.total()} of {expected.total()} messages')
 
 
 def _reason(path: str | Path, error: object) -> str:

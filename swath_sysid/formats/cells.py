@@ -2,11 +2,15 @@
 
 import re
 import unicodedata
-from collections.abc import Sequence
-from datetime import UTC, datetime, time, timedelta
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from datetime import UTC, date, datetime, time, timedelta
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+
+from swath_sysid.common.errors import InputError
 
 #: How a missing value may be written, beside nan.
 MISSING = frozenset(('', '-', '--', 'na', 'n/a', '#n/a', 'null', 'none', 'nat', '?'))
@@ -19,6 +23,8 @@ _ISO = re.compile(r'\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d(:?\d\d([.,]\d+)?)?(Z|[+-]\d\
 _CLOCK = r'((?P<h>\d{1,2}):)?(?P<m>\d\d?):(?P<s>\d\d([.,:]\d+)?)\s*(?P<half>[ap]\.?m\.?)?\s*(Z|UTC|GMT|[+-]\d\d:?\d\d)?'
 _YEAR_FIRST = r'(?P<Y>\d{4})(?P<mark>[-/.])(?P<M>\d\d?)(?P=mark)(?P<D>\d\d?)'
 _YEAR_LAST = r'(?P<a>\d\d?)(?P<by>[-/.])(?P<b>\d\d?)(?P=by)(?P<y>\d{4}|\d\d)'
+LONGEST_PAUSE = 300  #: Days between two dates of a record.
+OPEN_DATES = 'open-dates'  #: Code of the error where day and month of a column may be exchanged.
 #: How months begin in English, German, French, Spanish and Italian, without accents.
 MONTHS = (
     'jan gen ene', 'feb fev', 'mar mrz', 'apr avr abr', 'may mai mag', 'jun juin giu', 'jul juil lug', 'aug aou ago',
@@ -34,8 +40,9 @@ _FORMS = {
     'date': re.compile(rf'{_DAY}[,T _-]\s*{_CLOCK}', re.IGNORECASE),
 }
 
-#: A date that can only begin with its month, which those beside it then do, too.
-MONTH_FIRST = re.compile(r'(?<![\d./-])\d\d?([-/.])(1[3-9]|2\d|3[01])\1(\d{4}|\d\d)(?![\d./-])')
+#: A date that states its parts by their order alone, and the hour of the time beside it.
+DATE_IN_NUMBERS = re.compile(r'(?<![\d./-])(\d\d?)([-/.])(\d\d?)\2(\d{4}|\d\d)(?![\d./])(?:\D{1,4}(\d\d?):\d\d)?')
+ORDERS = DAY_FIRST, MONTH_FIRST, _ = 'dmy', 'mdy', 'ymd'  #: Of the parts of such a date, the usual one first.
 THOUSANDS = re.compile(r'[-+]?\d{1,3}(,\d{3})+')
 GROUPED = re.compile(r"\d(['\u2019\u00a0\u202f ])\d{3}(?!\d)")  #: A mark between groups of three digits.
 #: Signs and blanks as word processors write them.
@@ -69,10 +76,8 @@ def known_number(cell: str) -> float:
         return float(re.sub('[dD]', 'e', cell.rstrip(' °%\u00c2')))
 
 
-def seconds_of_text(cell: str, month_first: bool = False) -> float:
-    """Seconds since 1970 of a date, with or without a zone (UTC then), or of the day; a number stays. Where no date of
-    a column tells the order of day and month, `clocks.unwrapped` corrects a wrong guess at midnight.
-    """
+def seconds_of_text(cell: str, order: str = DAY_FIRST) -> float:
+    """Seconds since 1970 of a date, with or without a zone (UTC then), or of the day; a number stays."""
     cell = cell.strip()
     try:
         is_iso = cell[4:5] == '-' or cell[8:9] in ('T', 't', ' ')
@@ -88,20 +93,62 @@ def seconds_of_text(cell: str, month_first: bool = False) -> float:
         late = 12 if (said['half'] or '').lower().startswith('p') else 0
         seconds = 3600.0 * (hour + late) + 60.0 * int(said['m']) + float(re.sub('[,:]', '.', said['s']))
     if any(said.get(year) for year in ('Y', 'y', 'yy', 'yyyy')):
-        seconds += _since_1970(datetime(*_year_month_day(said, month_first)))
+        seconds += _since_1970(datetime(*_year_month_day(said, order)))
     return seconds
 
 
-def _year_month_day(said: dict[str, str], month_first: bool) -> tuple[int, int, int]:
+def _year_month_day(said: dict[str, str], order: str) -> tuple[int, int, int]:
     if said['Y']:
         return int(said['Y']), int(said['M']), int(said['D'])
     if named := said['month'] or said['name']:
         name = plain_letters(named).replace('mae', 'mar')
         month = next((at for at, ways in enumerate(MONTHS, 1) if name.startswith(tuple(ways.split()))), 0)
         return _whole_year(said['yy'] or said['yyyy']), month, int(said['d'] or said['of'])
-    first, second = int(said['a']), int(said['b'])
-    is_month_first = second > 12 or (month_first and first <= 12)
-    return _whole_year(said['y']), *((first, second) if is_month_first else (second, first))
+    return _in_order((said['a'], said['b'], said['y']), order)
+
+
+def _in_order(said: Sequence[str], order: str) -> tuple[int, int, int]:
+    year, month, day = (said[order.index(part)] for part in 'ymd')
+    return _whole_year(year), int(month), int(day)
+
+
+def order_of_dates(texts: Iterable[str]) -> str:
+    """The order of day, month and year in all the dates of a column: that in which most are dates, no year passes from
+    one to the next, midnight is followed by the next day, and time goes forward. Raises `InputError` where two orders
+    are left that differ in the time between rows.
+    """
+    hours: dict[tuple[str, ...], list[str]] = {}  # the first and the last of each date
+    for said in (each.groups() for text in texts for each in DATE_IN_NUMBERS.finditer(text)):
+        hours.setdefault(said[:4], [said[4], said[4]])[1] = said[4]
+    days = {order: _days([(a, b, y) for a, _, b, y in hours], order) for order in ORDERS}
+    fitting = [order for order in ORDERS if len(days[order]) == max(map(len, days.values()))]
+    if DAY_FIRST in fitting and any(mark == '.' for _, mark, *_ in hours):
+        fitting = [order for order in fitting if order != MONTH_FIRST]  # nobody writes it so with points
+    steps = {order: np.diff(days[order]) for order in fitting}
+    over = [before[1] in ('23', '11') and after[0] in ('00', '0', '12') for before, after in pairwise(hours.values())]
+    # four dates or more that follow one another are no months
+    over = over if any(over) else [len(over) > 2] * len(over)
+    for is_likely in (
+        lambda each: np.all(each < LONGEST_PAUSE),
+        lambda each: each.size == len(over) and np.all(each[over] == 1) and any(over),
+        lambda each: np.all(each > 0),
+    ):
+        fitting = [order for order in fitting if is_likely(steps[order])] or fitting
+    if {DAY_FIRST, MONTH_FIRST} <= {*fitting} and not np.array_equal(steps[DAY_FIRST], steps[MONTH_FIRST]):
+        spans = [' to '.join(f'{date.fromordinal(days[order][at]):%d %b %Y}' for at in (0, -1)) for order in ORDERS[:2]]
+        raise InputError(
+            f'its dates may run from {" or from ".join(spans)}: write the year first, as in 2026-11-05', OPEN_DATES
+        )
+    return fitting[0]
+
+
+def _days(found: Sequence[Sequence[str]], order: str) -> list[int]:
+    """The numbers of the days, those left out that do not exist in this order."""
+    days = []
+    for said in found:
+        with suppress(ValueError):
+            days.append(date(*_in_order(said, order)).toordinal())
+    return days
 
 
 def _whole_year(year: str) -> int:
@@ -123,8 +170,8 @@ def numbers_of(values: Any) -> np.ndarray:
         return array.astype(float)
     cells = [cell.translate(OTHER_MARKS) if isinstance(cell, str) else cell for cell in array.tolist()]
     marks = marks_of([cell for cell in cells if isinstance(cell, str) and kind_of_text(cell.strip()) == 'number'])
-    month_first = any(isinstance(cell, str) and MONTH_FIRST.search(cell) for cell in cells)
-    return np.array([number_of(cell, *marks, month_first) for cell in cells], dtype=float)
+    order = order_of_dates(cell for cell in cells if isinstance(cell, str))
+    return np.array([number_of(cell, *marks, order) for cell in cells], dtype=float)
 
 
 def marks_of(cells: Sequence[str]) -> tuple[bool, str]:
@@ -151,7 +198,7 @@ def _since_1970(moment: datetime) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def number_of(cell: Any, decimal_comma: bool = False, thousands: str = '', month_first: bool = False) -> float:
+def number_of(cell: Any, decimal_comma: bool, thousands: str, order: str) -> float:
     """A number, or a date or a clock time as s, as it is written or stored; NaN where it is none."""
     try:
         if isinstance(cell, datetime):
@@ -161,7 +208,7 @@ def number_of(cell: Any, decimal_comma: bool = False, thousands: str = '', month
         if isinstance(cell, timedelta):
             return cell.total_seconds()
         if isinstance(cell, str):
-            return seconds_of_text(plain_text(cell, decimal_comma, thousands), month_first)
+            return seconds_of_text(plain_text(cell, decimal_comma, thousands), order)
         return float(cell)
     except (TypeError, ValueError):
         return np.nan

@@ -36,6 +36,11 @@ class Column:
     unit: str | None  #: None: none is stated.
 
     @property
+    def in_words(self) -> str:
+        """What it was read as."""
+        return f"{self.reading} '{shown(self.name)}' ({self.unit or 'no unit'})"
+
+    @property
     def scale(self) -> float:
         """Its unit in SI."""
         return SIZES.get(self.unit or '', 1.0)
@@ -54,6 +59,11 @@ class Clock:
     def name(self) -> str:
         """Of its columns, as written."""
         return ' and '.join(column.name for column in self.columns)
+
+    @property
+    def in_words(self) -> str:
+        """Its columns and their units."""
+        return f"time '{shown(self.name)}' ({' and '.join(str(column.unit) for column in self.columns)})"
 
 
 Clocks = list[tuple[Column, ...]]
@@ -123,17 +133,12 @@ def clock_of(columns: Sequence[Column], values: Sequence[np.ndarray]) -> Clock:
 
 def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, int]:
     """A time (N,), s, that continues where its clock restarts, and how often that is: at midnight, at the end of summer
-    time, where day and month were exchanged, or at the largest number of a counter.
+    time, or at the largest number of a counter.
     """
-    with np.errstate(invalid='ignore'):
-        steps = np.diff(time)
-    if np.all((steps > 0.0) & (steps <= SPANS['month'])):
-        return time, 0
     known = np.flatnonzero(np.isfinite(time))
     values = time[known]
     steps = np.diff(values)
-    odd = (steps < 0.0) | (steps > SPANS['month'])
-    if not odd.any() or not np.any(steps > 0.0):
+    if not np.any(steps < 0.0) or not np.any(steps > 0.0):
         return time, 0
     typical = float(np.median(steps[steps > 0.0]))
     if unit in SIZES_OF_TEXT:
@@ -142,10 +147,9 @@ def unwrapped(time: np.ndarray, unit: str, scale: float) -> tuple[np.ndarray, in
         turns = [turn * (scale * 1e3 if unit == SAMPLES else 1.0) for turn in TURNS]
         turns = [turn for turn in turns if 0.0 <= values.min() and values.max() < turn + typical]
     for turn in turns:
-        whole = np.where(odd, np.round(steps / turn), 0.0)
+        whole = np.minimum(np.round(steps / turn), 0.0)
         over = steps - whole * turn
-        found = (whole < 0.0) | (whole * turn > SPANS['month'])
-        found &= (over > 0.0) & (over <= SPANS['near_steps'] * typical) & (4.0 * typical < turn)
+        found = (whole < 0.0) & (over > 0.0) & (over <= SPANS['near_steps'] * typical) & (4.0 * typical < turn)
         if found.any():
             time = time.copy()
             time[known[1:]] -= np.cumsum(np.where(found, whole * turn, 0.0))

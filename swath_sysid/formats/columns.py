@@ -3,13 +3,14 @@
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from swath_sysid.common.account import Loss, in_words
+from swath_sysid.common.account import Loss, described, in_words
 from swath_sysid.common.advice import Advice, did_you_mean
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.clocks import Clock, Clocks, Column, chosen, clock_of, clocks_of, with_unit_by_size
@@ -21,6 +22,7 @@ from swath_sysid.formats.vocabulary import (
     INTERVALS,
     RATES,
     SAMPLES,
+    SPANS,
     TIME,
     TIME_NAMES,
     UNIT_IN_BRACKETS,
@@ -37,6 +39,7 @@ from swath_sysid.formats.vocabulary import (
 SIMILAR = 0.85  #: Likeness, from 0 to 1, of a name that may be a slip of the pen.
 SAME_SHARE, SAME_AT_LEAST = 0.02, 1e-3  #: Difference of two columns of one quantity, as share or in SI, by rounding.
 
+LATEST = 4.0e9  #: s since 1970, of a date that a record may have.
 UNIT_ADVICE = 'add it to the name, as in roll_deg, gyro_x_rad_s or accel_z_m_s2'
 
 ATTITUDE = {'roll', 'pitch', 'quaternion_w'}
@@ -84,7 +87,7 @@ class Table:
     columns: tuple[Column, ...]
     values: np.ndarray  #: (columns, N), as written.
     advice: tuple[Advice, ...]
-    understood: str = ''  #: Which columns were read as what, in one line.
+    place: str = ''  #: The reader, and how the table is written.
 
     def remark(self, key: str) -> float | None:
         """The number in a comment line, None where there is none."""
@@ -108,6 +111,14 @@ class Table:
                 "the rate, in a CSV file by a line '# sample_rate_hz: 100' above the columns"
             )
         return 1.0 / said if plain_name(key) in INTERVALS else said
+
+    def in_words(self) -> list[str]:
+        """The reader and the start, and what each column was read as."""
+        start, time = self.clock.start, self.time()
+        is_date = SPANS['epoch'] < start < LATEST
+        since = f'{datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S}' if is_date else f'{start:.6g} s'
+        channels = [f'{c.in_words}: {described(time, row)}' for c, row in zip(self.columns, self.values, strict=True)]
+        return [f'{self.place}, {self.clock.in_words} from {since}', *channels]
 
     def readings(self) -> dict[str, np.ndarray]:
         """Reading to values in SI units, of the first column of each; columns that contradict it are refused."""
@@ -172,12 +183,11 @@ def read_table(
     if meant := _likely_meant(match, quantities):
         advice += (Advice.of('columns-misspelt', pairs=meant),)
     columns = [known[place] for place in read]
-    understood = _understood(clock, columns)
     if match.by_other_names(quantities):
-        advice += (Advice.of('columns-understood', columns=understood),)
-    understood = '; '.join(filter(None, (match.table.place, understood)))
+        listed = ', '.join([clock.in_words, *(column.in_words for column in columns)])
+        advice += (Advice.of('columns-understood', columns=listed),)
     values = values if len(read) == len(values) else values[read]
-    return Table(path, match.table.remarks, clock, tuple(columns), values, advice, understood)
+    return Table(path, match.table.remarks, clock, tuple(columns), values, advice, match.table.place)
 
 
 def _left_out(match: _Match, quantities: Iterable[Quantity], tables: Sequence[NamedColumns]) -> list[Loss]:
@@ -221,13 +231,6 @@ def _clock(path: str | Path, match: _Match, values: np.ndarray) -> tuple[Clock, 
             UNKNOWN,
         )
     return chosen(clocks)
-
-
-def _understood(clock: Clock, columns: Sequence[Column]) -> str:
-    """Which columns were read as what, in one line."""
-    said = [f"{column.reading} '{shown(column.name)}' ({column.unit or 'no unit'})" for column in columns]
-    units = ' and '.join(str(column.unit) for column in clock.columns)
-    return ', '.join([f"time '{shown(clock.name)}' ({units})", *said])
 
 
 def agree(one: np.ndarray, other: np.ndarray) -> bool:

@@ -84,7 +84,7 @@ def read_csv(
         draft=table.remark('draft_m'),
         initial_angle=table.remark('initial_angle_rad') if degrees is None else float(np.radians(degrees)),
         advice=(*table.advice, *_unit_advice(table)),
-        understood=table.understood,
+        understood=table.in_words(),
     )
     motions = [values for name, values in trial.channels.items() if name not in ACCEL]
     clock = table.clock

@@ -4,6 +4,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import islice, pairwise
 from pathlib import Path
 
@@ -14,8 +15,18 @@ from swath_sysid.common.account import Loss
 from swath_sysid.formats.cells import numbers_of
 from swath_sysid.formats.clocks import clocks_of
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, kind_of_cell
-from swath_sysid.formats.text_tables import NamedColumns, TableHead, check_size, of_arrays, read_long_head, rows_of
+from swath_sysid.formats.text_tables import (
+    Losses,
+    NamedColumns,
+    Progress,
+    TableHead,
+    check_size,
+    of_arrays,
+    read_long_head,
+    rows_of,
+)
 from swath_sysid.formats.vocabulary import (
+    DEVICE_NAMES,
     FIELD_NAMES,
     MOTION_QUANTITIES,
     TIME_NAMES,
@@ -30,6 +41,7 @@ from swath_sysid.formats.vocabulary import (
 LABELLED = re.compile(r'([^{}]+)\{(.*)\}')  #: As Prometheus writes a series: ``roll_deg{device="a"}``.
 #: Between the name of a device and that of a reading, but not within the brackets of a unit.
 BETWEEN = re.compile(r'[/.](?![^\[(]*[\])])')
+MOST_DEVICES = 20  #: In one table; a column with more numbers its rows.
 NUMBERED = re.compile(r'[ ._]?\d+$')  #: What a program appends to a name that is there already.
 
 
@@ -39,7 +51,9 @@ def is_motion(name: str) -> bool:
 
 
 def by_device(table: NamedColumns) -> list[NamedColumns]:
-    """A table for each device, where the names of the columns begin with one, or each has a time; else the table."""
+    """A table for each device that a column names, that names of columns begin with, or that has a time of its own."""
+    if several := _by_label(table):
+        return several
     if plain_names(table.names) != list(map(plain_name, table.names)):
         return [table]  # of a program that is known
     split = _by_time(table) or [_device_and_reading(name) for name in table.names]
@@ -47,6 +61,28 @@ def by_device(table: NamedColumns) -> list[NamedColumns]:
     if not devices or any(is_motion(name) for device, name in split if not device):
         return [table]
     return [_of_device(table, split, device, devices.keys() - {device}) for device in devices]
+
+
+def _by_label(table: NamedColumns) -> list[NamedColumns]:
+    """A table for each device that a column names in rows with motion; none where it names one."""
+    motions = [at for at, name in enumerate(table.names) if is_motion(name)]
+    at = next((at for at, name in enumerate(table.names) if motions and plain_name(name) in DEVICE_NAMES), None)
+    if at is None:
+        return []
+    (numbers, *values), losses = table.read([at, *motions], None)
+    numbers = np.where(np.isfinite(values).any(axis=0), numbers, np.nan)
+    names = next((str(each.said['names']).split('\0') for each in losses if each.code == 'devices'), [])
+    several = [number for number in range(len(names)) if np.count_nonzero(numbers == number) >= MIN_ROWS]
+
+    def rows_of_device(number: int, places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, Losses]:
+        values, lost = table.read(places, progress)
+        return values[:, numbers == number], lost
+
+    found = [
+        replace(table, name='/'.join(filter(None, (table.name, names[number]))), read=partial(rows_of_device, number))
+        for number in several
+    ]
+    return found if 1 < len(found) < MOST_DEVICES else []
 
 
 def _by_time(table: NamedColumns) -> list[tuple[str, str]]:
@@ -128,10 +164,11 @@ def _pivoted(path: str | Path, head: TableHead, value: int, field: int, texts: S
     for at, cells in enumerate(rows):
         devices.setdefault('/'.join(cells[tag] for tag in tags), []).append(at)
     shared = [place for place in range(len(head.names)) if place not in (value, *texts)]
+    numbers = {head.names[place]: numbers_of([cells[place] for cells in rows]) for place in shared}
     for device, own in devices.items():
         fields = tuple(dict.fromkeys(names[at] for at in own))
         check_size(path, len(fields) * len(own))
-        columns = {head.names[place]: numbers_of([rows[at][place] for at in own]) for place in shared}
+        columns = {name: values[own] for name, values in numbers.items()}
         kinds = {at: head.kinds[place] for at, place in enumerate(shared) if place in head.kinds}
         timed = replace(of_arrays(columns, {}, ''), kinds=kinds)
         clock = next(iter(clocks_of([plain_name(name) for name in timed.names], timed)), ())

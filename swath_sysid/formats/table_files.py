@@ -14,6 +14,7 @@ from struct import Struct
 import numpy as np
 
 from swath_sysid.common.errors import InputError
+from swath_sysid.formats.cells import OPEN_DATES
 from swath_sysid.formats.devices import by_device, long_form
 from swath_sysid.formats.files import LONGEST_SHOWN, shown
 from swath_sysid.formats.registry import FOREIGN, TANK, TANK_ENDINGS, TankFormat
@@ -47,16 +48,19 @@ def tables_in(path: str | Path) -> list[NamedColumns]:
     """Every table of a file, whose numbers are read when they are asked for."""
     kind = kind_of(path)
     if kind is None:
-        if tables := long_form(path):
-            return [each for table in tables for each in by_device(table)]
-        head = read_head(path)
-        read = partial(read_columns, path, head)
-        return by_device(NamedColumns(head.names, read, head.remarks, head.kinds, place=head.place))
-    with _guarded(path, kind):
-        tables = import_module(f'swath_sysid.formats.tank.{kind.module}').tables(path)
-    if not tables:
-        raise InputError(f'{path} is {kind.what} without columns of numbers: save a vector or column for each signal')
-    tables = [replace(table, read=partial(_read, path, kind, table.read)) for table in tables]
+        tables, what = long_form(path), 'a text table'
+        if not tables:
+            head = read_head(path)
+            read = partial(read_columns, path, head)
+            tables = [NamedColumns(head.names, read, head.remarks, head.kinds, place=head.place)]
+    else:
+        what = kind.what
+        with _guarded(path, kind):
+            tables = import_module(f'swath_sysid.formats.tank.{kind.module}').tables(path)
+        if not tables:
+            raise InputError(f'{path} is {what} without columns of numbers: save a vector or column for each signal')
+        tables = [replace(table, read=partial(_read, path, kind, table.read)) for table in tables]
+    tables = [replace(table, place=', '.join(filter(None, (what, table.place)))) for table in tables]
     return [each for table in tables for each in by_device(table)]
 
 
@@ -81,6 +85,8 @@ def known_by_name(path: str | Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
+        if error.code == OPEN_DATES:
+            raise InputError(f'{path}: {error}', OPEN_DATES) from error
         if Path(path).suffix.lower() in TANK_ENDINGS and kind_of(path) is None:
             raise InputError(
                 f'{path} is named {Path(path).suffix} but is no such file, and no record as text either: copy or '

@@ -16,23 +16,25 @@ from swath_sysid.common.account import Loss
 from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.cells import (
+    DAY_FIRST,
     GROUPED,
     MISSING,
-    MONTH_FIRST,
     known_number,
     marks_of,
     numbers_of,
+    order_of_dates,
     plain_text,
     seconds_of_text,
 )
 from swath_sysid.formats.files import BLOCK_BYTES, replacing, shown
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, Located, balance, kind_of_cell, locate
-from swath_sysid.formats.vocabulary import INTERVALS, RATES, UNIT_IN_BRACKETS, VALUE_NAMES, plain_name
+from swath_sysid.formats.vocabulary import DEVICE_NAMES, INTERVALS, RATES, UNIT_IN_BRACKETS, VALUE_NAMES, plain_name
 
 LARGEST_UNPACKED = 1 << 28  #: Numbers, or bytes of text, in one packed file, whatever its own size.
 
 Progress = Callable[[float], None]  #: Takes the share done, 0 to 1.
 Losses = tuple[Loss, ...]
+Labels = dict[str, int]  #: Numbers of the devices that a column names.
 #: From the places of columns to their values, (columns, N), and what is lost of them; dates become seconds since 1970.
 Read = Callable[[Sequence[int], Progress | None], tuple[np.ndarray, Losses]]
 
@@ -88,14 +90,31 @@ def numbers_in(
     names: Sequence[str], columns: Sequence[Any], lines: Sequence[int] = range(1, LARGEST_UNPACKED)
 ) -> tuple[np.ndarray, Losses]:
     """Columns of cells of any kind as numbers, and the texts among them, by the lines of the rows."""
-    values = np.stack([numbers_of(cells) for cells in columns])
-    losses: list[Loss] = []
+    labels: Labels = {}
+    is_label = [plain_name(name) in DEVICE_NAMES for name in names]
+    values = np.stack(
+        [
+            [labelled(labels, cell) for cell in cells] if label else numbers_of(cells)
+            for label, cells in zip(is_label, columns, strict=True)
+        ]
+    )
+    losses = [*labels_of(labels)]
     for name, cells, row in zip(names, columns, values, strict=True):
         if np.asarray(cells).dtype.kind in 'OUS':
             texts = [at for at in np.flatnonzero(np.isnan(row)).tolist() if kind_of_cell(cells[at]) == 'text']
             known = int(np.count_nonzero(np.isfinite(row)))
             losses += [texts_lost(name, len(texts), known, lines[at], str(cells[at])) for at in texts[:1]]
     return values, tuple(losses)
+
+
+def labelled(labels: Labels, cell: Any) -> float:
+    """The number of the device that a cell names, from zero."""
+    return labels.setdefault(str(cell).strip(), len(labels))
+
+
+def labels_of(labels: Labels) -> Losses:
+    """The names of the devices, beside which nothing is lost."""
+    return (Loss('devices', of=1, said={'names': '\0'.join(labels)}),) if labels else ()
 
 
 def texts_lost(name: str, number: int, known: int, line: int, cell: str) -> Loss:
@@ -248,12 +267,11 @@ def read_columns(
     """Columns by their places from 0, shape (len(indices), N), with NaN for text and in short rows, and what is lost.
     Dates become seconds since 1970; one without a zone counts as UTC.
     """
+    order, dated = DAY_FIRST, [index for index in indices if index in head.kinds]
+    if any(head.kinds[index] != 'clock' for index in dated):
+        order = order_of_dates(' '.join(cells[at] for at in dated if at < len(cells)) for cells in rows_of(path, head))
     with _opened(path) as file:
-        month_first = False
-        if any(head.kinds.get(index) in ('date', 'day') for index in indices):
-            blocks = iter(partial(file.read, BLOCK_BYTES), b'')
-            month_first = any(MONTH_FIRST.search(block.decode('latin-1')) for block in blocks)
-        parser = BlockParser(head, tuple(indices), month_first)
+        parser = BlockParser(head, tuple(indices), order)
         size = file.seek(0, io.SEEK_END)
         file.seek(head.offset)
         while block := file.read(BLOCK_BYTES):
@@ -289,11 +307,15 @@ def write_table(path: str | Path, remarks: Mapping[str, Any], columns: Mapping[s
 class BlockParser:
     """Parses a table block by block: fast where it is clean, cell by cell where it is not."""
 
-    def __init__(self, head: TableHead, indices: Sequence[int], month_first: bool = False) -> None:
+    def __init__(self, head: TableHead, indices: Sequence[int], order: str = DAY_FIRST) -> None:
         self.head = head
         self.indices = indices
-        seconds = partial(seconds_of_text, month_first=month_first)
+        seconds = partial(seconds_of_text, order=order)
         self.dates: Readers = {index: seconds for index in indices if index in head.kinds}
+        self.labels: Labels = {}
+        self.dates |= {
+            index: partial(labelled, self.labels) for index in indices if plain_name(head.names[index]) in DEVICE_NAMES
+        }
         self.readers: Readers = {index: self.dates.get(index, known_number) for index in indices}
         self.blocks = [np.empty((len(indices), 0))]
         self.line = head.first_line
@@ -324,7 +346,7 @@ class BlockParser:
 
     def losses(self) -> Losses:
         """What is not in the columns."""
-        losses: list[Loss] = []
+        losses = [*labels_of(self.labels)]
         for index, cells in sorted(self.text_cells.items(), key=lambda each: each[1]):
             place = self.indices.index(index)
             known = sum(int(np.count_nonzero(np.isfinite(block[place]))) for block in self.blocks)
@@ -468,8 +490,7 @@ def _widths(row: Sequence[str]) -> set[int]:
 
 def _delimiter_of_numbers(lines: Sequence[str]) -> str | None:
     """The mark that leaves the most values and the fewest texts in the last lines."""
-    last = [line for line in lines if line and not _is_comment(line)][-ROWS_OF_SAMPLE // 8 :]
-
+    last = [line for line in lines if line.strip(' ;\t|,') and not _is_comment(line)][-ROWS_OF_SAMPLE // 8 :]
     balances = {mark: [_balance(line, mark) for line in last] for mark in (';', '\t', '|', ',', None)}
     clean = {mark: [values > 1 and not texts for values, texts in found] for mark, found in balances.items() if mark}
     sure = next((mark for mark, lines in clean.items() if sum(lines) > 0.9 * len(lines)), None)

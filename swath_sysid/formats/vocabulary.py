@@ -37,6 +37,7 @@ LONGEST_UNIT = max(spelt.count('_') + 1 for spelt in _SPELT)
 TIME_NAMES, FURTHER_TIMES = _TABLE['time']['names'], _TABLE['time']['also']
 DATE_NAMES, WEEK_NAMES = _TABLE['date'], _TABLE['week']
 FIELD_NAMES, VALUE_NAMES = _TABLE['fields'], _TABLE['values']  #: Of tables with one value in each row.
+DEVICE_NAMES = _TABLE['devices']  #: Of tables with rows of several devices.
 #: Of a number beside the columns that stands in for a time, per second and in seconds.
 RATES, INTERVALS = _TABLE['rates'], _TABLE['intervals']
 SPANS: dict[str, float] = _TABLE['spans']  #: Of clocks, s.

@@ -25,7 +25,7 @@ def record_as_data(trial: Trial, motions: Sequence[AxisMotion]) -> dict:
     return finite_or_none(
         {
             'source': trial.source,
-            'read_as': trial.understood,
+            'read_as': list(trial.understood),
             'samples': int(trial.time.size),
             'start_s': float(trial.time[0]),
             'end_s': float(trial.time[-1]),
@@ -79,7 +79,7 @@ def record_in_words(data: dict) -> list[str]:
     lines = [
         f'{data["source"]}: {data["samples"]} samples from {data["start_s"]:.2f} to {data["end_s"]:.2f} s, '
         f'{data["rate_hz"]:.1f} Hz, longest interval {data["longest_interval_s"]:.3g} s',
-        *[f'  read as: {data["read_as"]}' for _ in data['read_as'][:1]],
+        *[f'  {"  " * (at > 0) or "read as: "}{said}' for at, said in enumerate(data['read_as'])],
         f'  channels: {", ".join(data["channels"])}',
     ]
     for axis, found in data['axes'].items():

@@ -75,7 +75,9 @@ def table_as_csv(table: Table) -> str:
 
 def _as_text(cell: Any) -> Any:
     """A cell that a spreadsheet would take for a formula, marked as text; numbers stay numbers."""
-    is_formula = isinstance(cell, str) and cell.startswith(('=', '+', '-', '@')) and kind_of_text(cell) != 'number'
+    is_formula = (
+        isinstance(cell, str) and cell.lstrip().startswith(('=', '+', '-', '@')) and kind_of_text(cell) != 'number'
+    )
     return f"'{cell}" if is_formula else cell
 
 

@@ -129,6 +129,17 @@ def test_one_clear_sentence(folder, words, match):
 
 
 @pytest.mark.long
+def test_a_yaw_rate_that_repeats_itself_holds_too_few_readings(tmp_path):
+    rows = [
+        f'{0.1 * at:.1f},{turn},{0.7 - turn},{0.1 * turn}'
+        for at in range(1200)
+        for turn in (0.2 + 0.3 * (at // 100 % 2),)
+    ]
+    (tmp_path / 'a.csv').write_text('\n'.join(['time_s,port_command,starboard_command,yaw_rate_rad_s', *rows]))
+    with pytest.raises(InputError, match='8 readings'):
+        swath('identify', tmp_path / 'a.csv', '--mass', 20, '--generations', 2, '--population', 8)
+
+
 def test_a_slip_is_one_sentence_that_says_what_is_meant_and_tasks_are_completed(tmp_path, capsys):
     for words, said in (
         ('manoeuvre simulat', "there is no task 'simulat' (did you mean simulate?)"),

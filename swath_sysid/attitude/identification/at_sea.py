@@ -87,7 +87,7 @@ class AtSeaIdentification:
     natural_period_std: float  #: s.
     damping_ratio: float  #: Equivalent linear damping over critical damping, at ``amplitude``.
     damping_ratio_std: float
-    amplitude: float  #: rad; two standard deviations of the angle.
+    amplitude: float  #: rad; two standard deviations of the angle, without its slow part.
     amplitude_std: float  #: rad.
     trim_std: float  #: rad; NaN where no angle was measured.
     estimate_covariance: np.ndarray  #: (2, 2); Of natural period (s) and damping ratio.
@@ -98,6 +98,7 @@ class AtSeaIdentification:
     sea: str  #: Source of the sea's spectrum: ``heave`` or ``jonswap``.
     peak_period: float  #: Of the fitted excitation, s.
     duration: float  #: Of the stretch used, s.
+    slow_share: float  #: Of the variance of the angle, what is no wave: a heel that changes.
     spectra: tuple[FittedSpectra, ...]  #: Of each part.
     motions: tuple[AxisMotion, ...]
     holds_decay: bool  #: Whether a free decay was found in it too.
@@ -126,6 +127,8 @@ class AtSeaIdentification:
     def advice(self) -> tuple[Advice, ...]:
         """What must be known to use it."""
         found = [Advice.of('equivalent-linear', amplitude=np.degrees(self.amplitude)), *self.shortcomings]
+        if self.slow_share:
+            found.append(Advice.of('slow-heel', axis=self.model.axis, share=self.slow_share))
         if 0.5 < self._excess < 1.0:
             found.append(self._hidden('sea-hides-hull'))
         return (*found, Advice.of('holds-decay')) if self.holds_decay else tuple(found)
@@ -351,7 +354,9 @@ def _identification(
     slopes = np.array([[b1, b1], [2.0 * r1, 0.0]])
     spectra = _spectra(likelihoods, found, frequency)
     strongest = max(spectra, key=lambda each: each.fitted_excitation.max())
-    amplitude, variance = EQUIVALENT * np.sqrt(np.mean([sea.angle.var() for sea in seas])), 0.0
+    motion = float(np.mean([sea.angle.var() for sea in seas]))
+    waves = float(np.mean([sea.angle.var() * (1.0 - sea.slow_share) for sea in seas]))
+    amplitude, variance = EQUIVALENT * np.sqrt(waves), 0.0
     for each in spectra:
         # variance of a variance: 2 pi / T int S^2 (one-sided)
         variance += float(np.gradient(each.frequency) @ each.measured**2) * 2.0 * np.pi * len(spectra) / duration
@@ -374,6 +379,7 @@ def _identification(
         sea=likelihoods[0].waves.name,
         peak_period=2.0 * np.pi / float(strongest.frequency[strongest.fitted_excitation.argmax()]),
         duration=float(duration),
+        slow_share=1.0 - waves / motion,
         spectra=spectra,
         motions=tuple(record.motion for record in records),
         holds_decay=holds_decay,

@@ -9,6 +9,7 @@ from swath_sysid.attitude.motion.trial import AxisMotion, Trial
 from swath_sysid.attitude.motion.turning_points import split_at_pauses
 from swath_sysid.attitude.motion.vertical import vertical_acceleration
 from swath_sysid.common.advice import Advice
+from swath_sysid.common.conventions import LOST_SHARE
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import TAPERS, sine_tapers
 
@@ -43,6 +44,16 @@ class SeaMotion:
     def duration(self) -> float:
         """s."""
         return self.interval * self.angle.size
+
+    @property
+    def slow_share(self) -> float:
+        """Of the variance of the angle, what is slower than the bands, as of a heel that changes; zero where that is
+        little.
+        """
+        slow = np.fft.rfftfreq(self.angle.size, self.interval) < self.lowest / (2.0 * np.pi)
+        power = np.abs(np.fft.rfft(self.angle)) ** 2
+        share = float(power[slow].sum() / power.sum())
+        return share if share > LOST_SHARE else 0.0
 
     def between(self, start: float, end: float) -> 'SeaMotion':
         """The part between two times, s."""

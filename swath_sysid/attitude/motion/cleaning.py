@@ -27,6 +27,7 @@ SPIKES = (
     ([[-0.3, 1.0, 0.5, -0.2], [-0.2, 0.5, 1.0, -0.3]], (4.0, 4.0, 4.0)),
 )
 RESOLVED = 6.0  #: Of the smallest steps: a sensor at rest goes to and fro by its resolution.
+TO_AND_FRO = 0.3  #: Correlation of steps that are no motion's.
 SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
 
 Channels = dict[str, np.ndarray]
@@ -36,8 +37,8 @@ def one_row_per_sample(time: np.ndarray, channels: Channels) -> tuple[np.ndarray
     """A record, time (N,) in s and channels (N,), with one row for each sample, and advice on the others: rows without
     a time or a value, which are empty or of another device, are left out, and rows that repeat a sample are merged.
     """
-    time = np.asarray(time, dtype=float)
-    channels = {name: np.asarray(values, dtype=float) for name, values in channels.items()}
+    time, *values = (np.where(np.isfinite(each), each, np.nan) for each in (time, *channels.values()))
+    channels = dict(zip(channels, values, strict=True))
     advice: list[Advice] = []
     filled = np.isfinite(time) | np.any([np.isfinite(values) for values in channels.values()], axis=0)
     if (empty := int(np.count_nonzero(~filled))) and filled.any():
@@ -102,10 +103,8 @@ def _repeated_samples(repeats: np.ndarray, channels: Channels) -> np.ndarray:
 
 def _distance(name: str, values: np.ndarray, others: np.ndarray | float) -> np.ndarray:
     """Values less others, of angles on the shorter way."""
-    # what is infinite is left out later
-    with np.errstate(invalid='ignore'):
-        apart, turn = values - others, 2.0 * np.pi
-        around = np.remainder(apart + 0.5 * turn, turn) - 0.5 * turn
+    apart, turn = values - others, 2.0 * np.pi
+    around = np.remainder(apart + 0.5 * turn, turn) - 0.5 * turn
     return around if name in ('roll', 'pitch', 'yaw', 'heading') else apart
 
 
@@ -171,6 +170,11 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
     shared = int(np.count_nonzero(~fresh))
     if shared > SHARED_STAMPS * rows.size:
         spread, resolution = _spread_evenly(time[rows])
+        if any(_is_of_two(channels[name][rows]) for name in ('roll', 'pitch', *QUATERNION) if name in channels):
+            raise InputError(
+                f'{source}: the rows that share a stamp are those of two sensors, between which the angle jumps to and '
+                'fro: keep the rows of one'
+            )
         if spread is not None:
             interval = float(np.median(np.diff(spread)))
             each = round(resolution / interval)
@@ -194,6 +198,15 @@ def _in_time(time: np.ndarray, channels: Channels, source: str) -> tuple[np.ndar
         advice += in_words([Loss('out-of-order-stamps', disordered, rows.size, said=said)], source)
     rows = rows[ordered]
     return time[rows], {name: values[rows] for name, values in channels.items()}, advice
+
+
+def _is_of_two(values: np.ndarray) -> bool:
+    """Whether a channel (N,) jumps to and fro between two sensors: its steps are opposite to the next ones, as in no
+    motion that is resolved, and like those after these, as in no noise.
+    """
+    steps = np.diff(values[np.abs(values) <= np.pi])
+    opposite, alike = -steps[1:] @ steps[:-1], steps[2:] @ steps[:-2]
+    return bool(min(opposite, alike) > TO_AND_FRO * (steps @ steps) > 0.0)
 
 
 def _out_of_bursts(time: np.ndarray, channels: Channels, rows: np.ndarray) -> tuple[np.ndarray, Advice] | None:
@@ -429,7 +442,7 @@ def assemble_trial(
     draft: float | None = None,
     initial_angle: float | None = None,
     advice: Sequence[Advice] = (),
-    understood: str = '',
+    understood: Sequence[str] = (),
 ) -> Trial:
     """A trial from the readings of a sensor, (N,) each, in SI units: cleaned, in the craft's axes, with Euler rates.
     Readings are any of ``roll``, ``pitch``, ``yaw`` or ``quaternion_x`` ... ``_w``; ``heading``, clockwise from north;
@@ -457,7 +470,7 @@ def assemble_trial(
         initial_angle=initial_angle,
         advice=(*advice, *sample_advice, *joined_advice, *cleaning_advice, *motion_advice, *contradictions),
         usable_share=len(time) / recorded,
-        understood=understood,
+        understood=tuple(understood),
         installation=installation if is_of_sensor else None,
     )
     if not trial.axes:

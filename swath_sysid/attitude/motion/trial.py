@@ -124,7 +124,7 @@ class Trial:
     initial_angle: float | None = None  #: rad.
     advice: tuple[Advice, ...] = ()  #: What the reader had to repair or leave out.
     usable_share: float = 1.0  #: Of the recorded rows, those with a time of their own.
-    understood: str = ''  #: Which columns of a table were read as what, in one line.
+    understood: tuple[str, ...] = ()  #: What reader took it, and what it read as what; a line for each channel.
     #: Of the sensor in whose axes the motion was measured; None where a table names the craft's axes itself.
     installation: Installation | None = None
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from swath_sysid.common.account import Loss
 from swath_sysid.common.errors import InputError
-from swath_sysid.formats.cells import seconds_of_text
+from swath_sysid.formats.cells import numbers_of, seconds_of_text
 from swath_sysid.formats.text_tables import Losses, NamedColumns, check_size, of_arrays
 from swath_sysid.formats.vocabulary import plain_name
 
@@ -47,14 +47,16 @@ def tables(path: str | Path) -> list[NamedColumns]:
     clock, text = '', Path(path).read_text('latin-1')
     sentences = LINE.findall(text)
     summed = {said[:5] for _, said, checksum in sentences if checksum}
-    for before, said, checksum in sentences:
+    # a bare number would not state what it counts
+    logged = numbers_of([before.strip(' ,;\t') if ':' in before else '' for before, *_ in sentences])
+    for (_, said, checksum), received in zip(sentences, logged.tolist(), strict=True):
         row, is_whole = _attitude(said), said[:5] not in summed
         if checksum:
             is_whole = reduce(xor, said.encode('latin-1')) == int(checksum, 16)
         if is_whole and said[2:].startswith(TIMED):
             clock = said.split(',')[1]
         if is_whole and row:
-            times = _seconds(row.get('t', clock)), _logged(before)
+            times = _seconds(row.get('t', clock)), received
             talker = said.split(',')[0] if said.startswith('P') else said[:2]
             rows.setdefault(talker, []).append([*times, *(_number(row.get(name, '')) for name in 'rph')])
     if not rows:
@@ -85,14 +87,6 @@ def _attitude(said: str) -> dict[str, str]:
 def _seconds(clock: str) -> float:
     found = CLOCK.fullmatch(clock)
     return seconds_of_text(':'.join(found.groups()[:3])) if found else np.nan
-
-
-def _logged(before: str) -> float:
-    """The date or clock time before a sentence; a bare number would not state what it counts."""
-    try:
-        return seconds_of_text(before.strip(' ,;\t')) if ':' in before else np.nan
-    except ValueError:
-        return np.nan
 
 
 def _number(said: str) -> float:

@@ -9,6 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
+from swath_sysid.common.conventions import MIN_ROWS
+from swath_sysid.common.errors import InputError
 from swath_sysid.manoeuvring.hull.identified_model import growth_rates
 from swath_sysid.manoeuvring.hull.measurement import recorded_speeds, through_water
 from swath_sysid.manoeuvring.hull.model import DIFFERENCE, jacobians
@@ -380,7 +382,12 @@ def by_channel(
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Outcome of `projected` by window and channel, for the covariance: lists of (N_k,) and (N_k, n)."""
     places = [(c, shooting.known[c, :, w], w) for w in range(shooting.windows.count) for c in range(3)]
-    places = [place for place in places if place[1].sum() >= 8]
+    places = [place for place in places if place[1].sum() >= MIN_ROWS]
+    if not places:
+        raise InputError(
+            f'no stretch holds {MIN_ROWS} readings of a speed or of the yaw rate that are not those before them: '
+            'record them as they change, or fit longer stretches'
+        )
     return [residual[place] for place in places], [slopes[:, c, known, w].T for c, known, w in places]
 
 
