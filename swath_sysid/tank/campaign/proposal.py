@@ -107,6 +107,7 @@ def new_manifest(
         lines += [f'# Does {_shown(files[0], key)} in all names mean this?', f'# {_proposal(key, value)}']
     lines += ['trials:', *([CONTRADICTION] if are_apart else [])]
     by_pattern: dict[str, list[Seen]] = {}
+    single: list[Seen] = []
     for file in files:
         by_pattern.setdefault(file.pattern(False, named), []).append(file)
     for pattern, group in by_pattern.items():
@@ -116,12 +117,13 @@ def new_manifest(
         is_one_pattern &= all(each.is_plain for file in group for each in _varied(file, named))
         is_one_pattern &= not any(set(file.said) - set(said) or (are_apart and file in unplaced) for file in group)
         if not is_one_pattern or any(map(pattern_expression(pattern).fullmatch, others)):
-            lines += [line for file in group for line in _entry(file, said, named, way)]
+            single += group
             continue
         lines.append(f'  - pattern: {_quoted(way + pattern)}   # {counted(len(group), "file")}')
         if _varied(group[0], named):
             lines.insert(-1, f'  # {QUESTION.format(name=group[0].path.name)}')
             lines.append(f'  # - pattern: {_quoted(way + full.pop())}')
+    lines += [line for file in files if file in single for line in _entry(file, said, named, way)]
     axis_named = next((a for a in AXES if any(a in file.path.name.lower() for file in files)), '')
     moving = [file.axis for file in files if file.axis]
     axis = axis_named or max(AXES, key=moving.count) if axis_named or moving else 'pitch'

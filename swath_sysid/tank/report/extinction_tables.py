@@ -222,6 +222,10 @@ def conditions_table(outcome: CampaignOutcome) -> Table:
     ]
     if craft.depth_m is not None and craft.draft_m is not None:
         rows.append(('freeboard [m]', f'{craft.depth_m - craft.draft_m:g}'))
+    used = [t for t in outcome.trials if t.record is not None]
+    for what, key, unit in (('mass', 'mass_kg', 'kg'), ('GM', 'gm_m', 'm'), ('inertia', 'inertia_kg_m2', 'kg m^2')):
+        at = {t.record.condition.loading: known for t in used if (known := getattr(t.entry, key)) is not None}
+        rows += [(f'{what} [{unit}] at {loading_in_words(outcome.quantity, k)}', f'{at[k]:g}') for k in sorted(at)]
     for speed in sorted({t.entry.speed_m_s for t in outcome.trials if t.entry.speed_m_s is not None}):
         number = '' if craft.length_m is None else f', Froude number {froude_number(speed, craft.length_m):.3g}'
         rows.append(('speed [m/s]', f'{speed:g}{number}'))
