@@ -230,8 +230,8 @@ def _budget(outcome: CampaignOutcome) -> Table:
     return Table.of(
         '',
         '',
-        'Standard uncertainties (k = 1) in percent of the value. U is twice the root sum of squares of the larger of fit '
-        'and scatter, and of the others.',
+        'Standard uncertainties (k = 1) in percent of the value. U is twice the root sum of squares of the larger of '
+        'fit and scatter, and of the others.',
         items,
         *([('axis', lambda item: item[0].axis.axis)] if len(outcome.axes) > 1 else []),
         (LOADING_NAMES[outcome.quantity], lambda item: item[0].loading, digits(4)),
