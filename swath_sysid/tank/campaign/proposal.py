@@ -34,6 +34,10 @@ QUESTION = 'Is this what {name} means? Then use the second line in place of the 
 SEVERAL_DRAFTS = (
     'The names may mean several drafts ({drafts}): until the manifest gives them, all trials count as one draft.'
 )
+SEVERAL_CASES = (
+    'The files name several load cases ({cases}), and not all give a draft: give each its draft_m, because trials '
+    'without one count as one draft.'
+)
 Mounting = tuple[float, float, float] | None
 
 CONTRADICTION = '  # The periods contradict each other, so these trials are of several drafts: give each its draft_m.'
@@ -102,6 +106,9 @@ def new_manifest(
     drafts = sorted({each.value for f in files for each in f.proposed if each.key in QUANTITIES}, key=str)
     if len(drafts) > 1:
         warnings.append(SEVERAL_DRAFTS.format(drafts=', '.join(map(str, drafts))))
+    cases = sorted({file.load_case or 'none' for file in files})
+    if len(cases) > 1 and unplaced:
+        warnings.append(SEVERAL_CASES.format(cases=', '.join(cases)))
     lines = [f'{key}: {value}   # all files say so' for key, value in said.items()]
     for key, value in named.items():
         lines += [f'# Does {_shown(files[0], key)} in all names mean this?', f'# {_proposal(key, value)}']
@@ -115,6 +122,7 @@ def new_manifest(
         others = [file.path.name for file in files if file not in group]
         is_one_pattern = len(group) > 1 and len(full) == 1 and '{' in pattern + min(full)
         is_one_pattern &= all(each.is_plain for file in group for each in _varied(file, named))
+        is_one_pattern &= len({file.load_case for file in group}) == 1
         is_one_pattern &= not any(set(file.said) - set(said) or (are_apart and file in unplaced) for file in group)
         if not is_one_pattern or any(map(pattern_expression(pattern).fullmatch, others)):
             single += group
