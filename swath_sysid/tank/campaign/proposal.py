@@ -31,13 +31,7 @@ from swath_sysid.tank.campaign.trials import of_like_periods, turns_of
 #: What must be made of a Froude number.
 _OF_FROUDE = 'speed_m_s:   # a Froude number of {value:g}? then {value:g} times the root of 9.81 length_m'
 QUESTION = 'Is this what {name} means? Then use the second line in place of the first.'
-SEVERAL_DRAFTS = (
-    'The names may mean several drafts ({drafts}): until the manifest gives them, all trials count as one draft.'
-)
-SEVERAL_CASES = (
-    'The files name several load cases ({cases}), and not all give a draft: give each its draft_m, because trials '
-    'without one count as one draft.'
-)
+SEVERAL_DRAFTS = 'The {places} may mean several drafts ({drafts}): trials without a draft in the manifest count as one.'
 Mounting = tuple[float, float, float] | None
 
 CONTRADICTION = '  # The periods contradict each other, so these trials are of several drafts: give each its draft_m.'
@@ -104,11 +98,10 @@ def new_manifest(
     warnings = [CONTRADICTION.strip(' #')] if are_apart else []
     warnings += [of_file(file.path, file.remark) for file in files if file.fault]
     drafts = sorted({each.value for f in files for each in f.proposed if each.key in QUANTITIES}, key=str)
-    if len(drafts) > 1:
-        warnings.append(SEVERAL_DRAFTS.format(drafts=', '.join(map(str, drafts))))
-    cases = sorted({file.load_case or 'none' for file in files})
-    if len(cases) > 1 and unplaced:
-        warnings.append(SEVERAL_CASES.format(cases=', '.join(cases)))
+    cases = sorted({file.load_case or 'none' for file in files}) if unplaced else []
+    for places, found in (('names', drafts), ('load cases', cases)):
+        if len(found) > 1:
+            warnings.append(SEVERAL_DRAFTS.format(places=places, drafts=', '.join(map(str, found))))
     lines = [f'{key}: {value}   # all files say so' for key, value in said.items()]
     for key, value in named.items():
         lines += [f'# Does {_shown(files[0], key)} in all names mean this?', f'# {_proposal(key, value)}']

@@ -76,15 +76,9 @@ def _followed(arguments: Namespace) -> int:
     write_text(folder / 'history.csv', table_as_csv(table))
     report = str(folder / 'history.html')
     changes = [
-        {
-            'quantity': each.quantity,
-            'first_record_after': entries[each.places[change.place]].name,
-            'factor': factor,
-            'factor_interval': interval,
-            'chance': change.chance,
-        }
+        {'quantity': each.quantity, 'first_after': entries[each.places[change.place]].name, 'factor': step}
         for each in found
-        for change, (factor, *interval) in zip(each.changes, each.steps, strict=True)
+        for change, step in zip(each.changes, each.steps, strict=True)
     ]
     data = {'entries': table_as_data(table), 'changes': changes, 'left_out': left_out, 'report': report}
     print_result(arguments.json, data, [*(f'left out: {line}' for line in left_out), report], said)

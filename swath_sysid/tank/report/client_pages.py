@@ -125,9 +125,7 @@ def verdict_sentence(outcome: CampaignOutcome) -> str:
         verb = 'are' if len(of_level) > 1 or len(results) == 1 else 'is'
         if level == ADEQUATE:
             off = max(each.fit.verdict.motion_error for each in of_level)
-            expected = (
-                f'the fitted equation of motion forecasts the next decay to within {percent(off, 2)} of its motion'
-            )
+            expected = f'the fitted equation forecasts the next decay to within {percent(off, 2)} of its motion'
             parts.append(f'{places} {verb} adequate: {expected}')
         else:
             because = '; '.join(dict.fromkeys(each.fit.verdict.sentence for each in of_level))
@@ -203,10 +201,7 @@ def _coefficients(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
         'Coefficients over inertia, for small angles in rad; ±: two standard deviations of the fit.',
         items,
         (LOADING_NAMES[outcome.quantity], lambda item: item[0], digits(4)),
-        *(
-            (f'{term} [{RATIO_UNITS[term].replace("^2", "²")}]'.replace('d² s', 'd²\u00a0s'), of(term))
-            for term in items[0][1].model.terms
-        ),
+        *((f'{term} [{RATIO_UNITS[term].replace("^2", "²")}]', of(term)) for term in items[0][1].model.terms),
     )
 
 
@@ -240,7 +235,7 @@ def _budget(outcome: CampaignOutcome) -> Table:
         ('fit', share(lambda q: q.fit)),
         ('scatter of releases', share(lambda q: q.repeats)),
         *((name, share(partial(_of_source, source))) for source, name in SOURCES.items()),
-        ('U (k\u00a0=\u00a02)', share(lambda q: q.expanded, more=0)),
+        ('U (k = 2)', share(lambda q: q.expanded, more=0)),
     )
 
 

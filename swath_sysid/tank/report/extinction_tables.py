@@ -224,8 +224,12 @@ def conditions_table(outcome: CampaignOutcome) -> Table:
         rows.append(('freeboard [m]', f'{craft.depth_m - craft.draft_m:g}'))
     used = [t for t in outcome.trials if t.record is not None]
     for what, key, unit in (('mass', 'mass_kg', 'kg'), ('GM', 'gm_m', 'm'), ('inertia', 'inertia_kg_m2', 'kg m^2')):
-        at = {t.record.condition.loading: known for t in used if (known := getattr(t.entry, key)) is not None}
-        rows += [(f'{what} [{unit}] at {loading_in_words(outcome.quantity, k)}', f'{at[k]:g}') for k in sorted(at)]
+        places = [('' if key == 'mass_kg' else f'{t.record.condition.axis} ', t.record.condition.loading) for t in used]
+        at = {p: v for p, t in zip(places, used, strict=True) if (v := getattr(t.entry, key)) is not None}
+        at_loading = [
+            (axis, loading_in_words(outcome.quantity, loading), v) for (axis, loading), v in sorted(at.items())
+        ]
+        rows += [(f'{axis}{what} [{unit}] at {place}', f'{v:g}') for axis, place, v in at_loading]
     for speed in sorted({t.entry.speed_m_s for t in outcome.trials if t.entry.speed_m_s is not None}):
         number = '' if craft.length_m is None else f', Froude number {froude_number(speed, craft.length_m):.3g}'
         rows.append(('speed [m/s]', f'{speed:g}{number}'))
