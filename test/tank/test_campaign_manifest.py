@@ -1,6 +1,7 @@
 """Manifests: a few lines for a folder, and every fault named with its entry; the store of results."""
 
 import math
+import re
 import subprocess
 import sys
 
@@ -311,6 +312,21 @@ def test_cells_above_a_sheet_say_drafts_and_load_cases_and_several_under_one_dra
     (tmp_path / 'c.yaml').write_text(entries)
     _, found = prepared_trials(read_manifest(tmp_path / 'c.yaml'))
     assert all('a mounting can turn only both together' in t.reason for t in found)
+
+
+def test_load_cases_without_drafts_are_reported_and_files_listed_in_their_order(tmp_path):
+    def write(ending, number, case):
+        text = f'Beladungsfall: {case}\nZeit [s];Rollwinkel [°]\n0,00;1,0\n'
+        (tmp_path / f'Rollen_V{number:02}.{ending}').write_text(text)
+
+    write('csv', 1, 'Ballast')
+    write('txt', 2, 'Ballast')
+    write('csv', 3, 'Ballast')
+    assert not any('load cases may' in line for line in new_manifest(tmp_path)[1])
+    write('csv', 3, 'Volllast')
+    text, warnings = new_manifest(tmp_path)
+    assert re.findall(r"file: 'Rollen_V0(\d)", text) == ['1', '2', '3']
+    assert any('load cases may mean several drafts (Ballast, Volllast)' in line for line in warnings)
 
 
 def test_what_lines_and_names_say_of_the_loading_is_one_loading(tmp_path):

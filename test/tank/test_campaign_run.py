@@ -41,6 +41,7 @@ from swath_sysid.tank.campaign.manifest import read_manifest
 from swath_sysid.tank.campaign.run import run_campaign
 from swath_sysid.tank.campaign.work import ResultStore, executor_of
 from swath_sysid.tank.cli import kept_work
+from swath_sysid.tank.extinction import TypeB
 from swath_sysid.tank.report import campaign_tables, client_pages
 from swath_sysid.tank.report.campaign_report import every_table, write_report
 from swath_sysid.tank.report.campaign_results import in_words
@@ -401,8 +402,14 @@ def test_a_value_and_its_uncertainty_have_the_same_digits(value, share):
 @pytest.mark.long
 def test_a_pdf_is_printed_by_a_browser_or_refused_before_any_work(trials, done, tmp_path, monkeypatch, capsys):
     if any(map(shutil.which, BROWSERS)):
-        write_pdf(done[1] / 'report.html', tmp_path / 'report.pdf')
-        assert (tmp_path / 'report.pdf').read_bytes().startswith(b'%PDF')
+        outcome = done[0]
+        # B55 makes the page longest
+        known = replace(outcome.manifest.craft, inertia_kg_m2=2.0, displacement_kg=43.7, gm_longitudinal_m=1.2)
+        uncertain = TypeB(sensor_scale=0.005, time_base=0.001, inertia=0.02)
+        manifest = replace(outcome.manifest, craft=known, uncertainty=uncertain)
+        write_pdf(write_report(replace(outcome, manifest=manifest), tmp_path), tmp_path / 'report.pdf')
+        printed = (tmp_path / 'report.pdf').read_bytes()
+        assert printed.startswith(b'%PDF') and len(re.findall(rb'/Type /Page\b', printed)) == 2
     monkeypatch.setattr('shutil.which', lambda name: None)
     words = ['campaign', str(trials / 'campaign.yaml'), '--output', str(tmp_path / 'none'), '--pdf']
     assert main(words) == 2 and 'Chromium, Chrome or Edge' in capsys.readouterr().err

@@ -25,8 +25,8 @@ FALL = math.log(0.95)
 
 
 def model_of(gm=1.0, verdict='adequate', std=1e-3, damping=1.0):
-    """A hull as identified, whose terms are known to a share ``std``; its quadratic damping goes with the frequency."""
-    factors = {'b1': damping, 'b2': damping / math.sqrt(gm), 'r1': gm, 'r3': gm}
+    """A hull as identified, whose terms are known to a share ``std``."""
+    factors = {'b1': damping, 'b2': damping, 'r1': gm, 'r3': gm}
     terms = {name: value * factors[name] for name, value in TERMS.items()}
     model = DecayModel.from_terms(equation_named('odd-cubic'), terms, axis='roll')
     spread = np.diag([(std * abs(terms[name])) ** 2 for name in model.equation.terms])
@@ -105,7 +105,7 @@ def test_model_files_of_many_days(tmp_path, monkeypatch, capsys):
     assert main(['history', str(tmp_path), '--gm', '0.8', '--output', str(tmp_path / 'out')]) == 1
     said = capsys.readouterr().out
     assert 'no roll model' in said and '9 of 10 entries are used' in said
-    assert 'GM fell by 5 %' in said and '2026-11-06 00:00' in said and '2026-11-07 00:00' in said
+    assert 'GM fell by 5.0' in said and '2026-11-06 00:00' in said and '2026-11-07 00:00' in said
     rows = rows_of(tmp_path / 'out')
     assert [row['date [UTC]'][8:10] for row in rows] == [f'{day:02}' for day in range(1, 11)]
     assert float(rows[-1]['GM [m]']) == pytest.approx(0.76, rel=3e-3)

@@ -37,6 +37,7 @@ class Entry:
     period_std: float
     damping_ratio: float
     damping_ratio_std: float
+    damping_slope: float  #: Of the logarithm of the damping ratio by that of the amplitude.
 
     @property
     def is_used(self) -> bool:
@@ -70,12 +71,14 @@ def _entry(logged: Logged, amplitude: float) -> Entry:
     if at_sea:
         names = 'natural_period_s', 'natural_period_std_s', 'damping_ratio', 'damping_ratio_std'
         period, period_std, damping, damping_std = (float(model.metrics[name]) for name in names)
+        slope = 0.0
     else:
         # of its neighbours, for the slope
         around = amplitude * np.array([0.99, 1.0, 1.01])
         bands = amplitude_bands(model.model, model.covariance, around, model.posterior)
         period, damping, period_std, damping_std = bands.at(amplitude)
-    return Entry(logged.name, logged.time, at_sea, logged.verdict, period, period_std, damping, damping_std)
+        slope = bands.quantities_at(amplitude)[1][2]
+    return Entry(logged.name, logged.time, at_sea, logged.verdict, period, period_std, damping, damping_std, slope)
 
 
 @dataclass(frozen=True)
@@ -180,17 +183,18 @@ class Found:
 
 
 def changes_in(entries: Sequence[Entry]) -> tuple[Found, ...]:
-    """The changes of GM, which the square of the frequency follows, and of the damping over inertia, which the damping
-    ratio times the frequency follows: a change of GM alone is none of damping.
+    """The changes of GM, which the square of the frequency follows, and of the damping over inertia at one amplitude of
+    the rate, which a change of GM alone leaves, as damping is a function of the rate.
     """
     places = tuple(k for k, each in enumerate(entries) if each.is_used)
     used = [entries[k] for k in places]
     at_sea = np.array([each.at_sea for each in used], dtype=bool)
-    measured = [(each.period, each.period_std, each.damping_ratio, each.damping_ratio_std) for each in used]
-    period, period_std, ratio, ratio_std = np.array(measured).reshape(-1, 4).T
+    measured = [(e.period, e.period_std, e.damping_ratio, e.damping_ratio_std, e.damping_slope) for e in used]
+    period, period_std, ratio, ratio_std, slope = np.array(measured).reshape(-1, 5).T
     found = []
-    for quantity, of_period, of_ratio in (('GM', -2.0, 0.0), ('damping', -1.0, 1.0)):
-        value = of_period * np.log(period) + of_ratio * np.log(ratio)
+    # the amplitude of a given rate is proportional to the period
+    for quantity, of_period, of_ratio in (('GM', -2.0, 0.0), ('damping', slope - 1.0, 1.0)):
+        value = of_period * np.log(period / period[:1]) + of_ratio * np.log(ratio)
         series = Series(value, np.hypot(of_period * period_std / period, of_ratio * ratio_std / ratio), at_sea)
         changes = tuple(changes_of(series, FALSE_ALARM / 2)) if used else ()
         steps = steps_of(series, [each.place for each in changes]) if changes else []

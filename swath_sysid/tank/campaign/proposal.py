@@ -31,9 +31,7 @@ from swath_sysid.tank.campaign.trials import of_like_periods, turns_of
 #: What must be made of a Froude number.
 _OF_FROUDE = 'speed_m_s:   # a Froude number of {value:g}? then {value:g} times the root of 9.81 length_m'
 QUESTION = 'Is this what {name} means? Then use the second line in place of the first.'
-SEVERAL_DRAFTS = (
-    'The names may mean several drafts ({drafts}): until the manifest gives them, all trials count as one draft.'
-)
+SEVERAL_DRAFTS = 'The {places} may mean several drafts ({drafts}): trials without a draft in the manifest count as one.'
 Mounting = tuple[float, float, float] | None
 
 CONTRADICTION = '  # The periods contradict each other, so these trials are of several drafts: give each its draft_m.'
@@ -100,13 +98,16 @@ def new_manifest(
     warnings = [CONTRADICTION.strip(' #')] if are_apart else []
     warnings += [of_file(file.path, file.remark) for file in files if file.fault]
     drafts = sorted({each.value for f in files for each in f.proposed if each.key in QUANTITIES}, key=str)
-    if len(drafts) > 1:
-        warnings.append(SEVERAL_DRAFTS.format(drafts=', '.join(map(str, drafts))))
+    cases = sorted({file.load_case or 'none' for file in files}) if unplaced else []
+    for places, found in (('names', drafts), ('load cases', cases)):
+        if len(found) > 1:
+            warnings.append(SEVERAL_DRAFTS.format(places=places, drafts=', '.join(map(str, found))))
     lines = [f'{key}: {value}   # all files say so' for key, value in said.items()]
     for key, value in named.items():
         lines += [f'# Does {_shown(files[0], key)} in all names mean this?', f'# {_proposal(key, value)}']
     lines += ['trials:', *([CONTRADICTION] if are_apart else [])]
     by_pattern: dict[str, list[Seen]] = {}
+    single: list[Seen] = []
     for file in files:
         by_pattern.setdefault(file.pattern(False, named), []).append(file)
     for pattern, group in by_pattern.items():
@@ -114,14 +115,16 @@ def new_manifest(
         others = [file.path.name for file in files if file not in group]
         is_one_pattern = len(group) > 1 and len(full) == 1 and '{' in pattern + min(full)
         is_one_pattern &= all(each.is_plain for file in group for each in _varied(file, named))
+        is_one_pattern &= len({file.load_case for file in group}) == 1
         is_one_pattern &= not any(set(file.said) - set(said) or (are_apart and file in unplaced) for file in group)
         if not is_one_pattern or any(map(pattern_expression(pattern).fullmatch, others)):
-            lines += [line for file in group for line in _entry(file, said, named, way)]
+            single += group
             continue
         lines.append(f'  - pattern: {_quoted(way + pattern)}   # {counted(len(group), "file")}')
         if _varied(group[0], named):
             lines.insert(-1, f'  # {QUESTION.format(name=group[0].path.name)}')
             lines.append(f'  # - pattern: {_quoted(way + full.pop())}')
+    lines += [line for file in files if file in single for line in _entry(file, said, named, way)]
     axis_named = next((a for a in AXES if any(a in file.path.name.lower() for file in files)), '')
     moving = [file.axis for file in files if file.axis]
     axis = axis_named or max(AXES, key=moving.count) if axis_named or moving else 'pitch'

@@ -79,7 +79,12 @@ def _followed(arguments: Namespace) -> int:
         write_text(folder / 'history.html', page(f'History of {arguments.axis}', sections))
     write_text(folder / 'history.csv', table_as_csv(table))
     report = str(folder / 'history.html')
-    data = {'entries': table_as_data(table), 'left_out': left_out, 'report': report}
+    changes = [
+        {'quantity': each.quantity, 'first_after': entries[each.places[change.place]].name, 'factor': step}
+        for each in found
+        for change, step in zip(each.changes, each.steps, strict=True)
+    ]
+    data = {'entries': table_as_data(table), 'changes': changes, 'left_out': left_out, 'report': report}
     print_result(arguments.json, data, [*(f'left out: {line}' for line in left_out), report], said)
     return PARTLY_DONE if left_out else DONE
 

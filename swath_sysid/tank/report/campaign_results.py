@@ -72,9 +72,15 @@ def in_words(value: float, spread: float) -> str:
     power = math.floor(math.log10(max(abs(value), spread)))
     power = power if not SMALLEST_POWER <= power <= LARGEST_POWER else 0
     value, spread = value / 10.0**power, spread / 10.0**power
-    places = max(0, 1 - math.floor(math.log10(float(f'{spread:.1e}'))))
+    places = places_of(spread)
     shown = f'{value:.{places}f} ± {spread:.{places}f}'.replace('-', '−')
     return f'({shown}) × 10^{power}' if power else shown
+
+
+def places_of(spread: float) -> int:
+    """Decimal places to the second digit of a spread; none where there is no spread."""
+    is_spread = math.isfinite(spread) and spread > 0.0
+    return max(0, 1 - math.floor(math.log10(float(f'{spread:.1e}')))) if is_spread else 0
 
 
 def type_b_in_words(outcome: CampaignOutcome) -> str:

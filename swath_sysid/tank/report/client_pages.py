@@ -4,6 +4,7 @@ import base64
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import cycle
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from swath_sysid.tank.report.campaign_results import (
     in_words,
     left_out_of,
     place_of,
+    places_of,
     results_table,
     used_of,
 )
@@ -45,6 +47,7 @@ PRINTED = {
     's2': '{s2} sin² {x}',
 }
 RESULTS = 'natural period', 'equivalent damping ratio', 'B44', 'B55'  #: Of the quantities of a tank, those shown.
+FOR_THE_TANK = 'columns-understood', 'columns-left-out'  #: Advice on how files were read that changes no result.
 MEANING = {
     ADEQUATE: f'adequate: the forecast of the next decay is off by at most {percent(ADEQUATE_ERROR)} of its motion',
     DOUBTFUL: 'doubtful: it may be off by more, or something in the records contradicts the model',
@@ -76,7 +79,7 @@ def title_rows(outcome: CampaignOutcome) -> Iterator[tuple[str, str]]:
     yield 'Author', block.author or NOT_STATED
     yield 'Tests', block.test_numbers or of_files
     yield 'Model', f'{craft.name}, scale {block.scale or NOT_STATED}'
-    rows = [(*name.rstrip(']').partition(' ['), value) for name, value in conditions_table(outcome).rows]
+    rows = [(*name.replace(']', '').partition(' ['), value) for name, value in conditions_table(outcome).rows]
     said = [f'{name} {value} {unit}'.rstrip() for name, _, unit, value in rows if name not in ('basin', 'speed')]
     yield 'Particulars', ', '.join(said) or NOT_STATED
     for axis in outcome.axes:
@@ -122,7 +125,7 @@ def verdict_sentence(outcome: CampaignOutcome) -> str:
         verb = 'are' if len(of_level) > 1 or len(results) == 1 else 'is'
         if level == ADEQUATE:
             off = max(each.fit.verdict.motion_error for each in of_level)
-            expected = f'the model forecasts the next decay to within {percent(off, 2)} of its motion'
+            expected = f'the fitted equation forecasts the next decay to within {percent(off, 2)} of its motion'
             parts.append(f'{places} {verb} adequate: {expected}')
         else:
             because = '; '.join(dict.fromkeys(each.fit.verdict.sentence for each in of_level))
@@ -203,20 +206,27 @@ def _coefficients(outcome: CampaignOutcome, axis: AxisOutcome) -> Table:
 
 
 def _budget(outcome: CampaignOutcome) -> Table:
-    """Contributions to the uncertainty of every draft at its middle amplitude, in percent of the value."""
+    """Contributions to the uncertainty of every draft at its middle amplitude, in percent of the value, to the third
+    digit of the expanded one.
+    """
     items = []
     for result in draft_results(outcome):
         at, own = result.rows[len(result.rows) // 2]
         items += [(result, at, q) for q in own if q.name in RESULTS]
 
-    def share(of: Callable[[TankQuantity], float | None]):
-        return lambda item: percent(abs(of(item[2]) / item[2].value), 2) if of(item[2]) is not None else None
+    def share(of: Callable[[TankQuantity], float | None], more: int = 1):
+        def shown(item: tuple[Any, float, TankQuantity]) -> str | None:
+            quantity, part = item[2], of(item[2])
+            places = places_of(abs(100.0 * quantity.expanded / quantity.value)) + more
+            return None if part is None or np.isnan(part) else f'{abs(100.0 * part / quantity.value):.{places}f} %'
+
+        return shown
 
     return Table.of(
         '',
         '',
-        'Standard uncertainties in percent of the value, and U = 2 times their root sum of squares, with the larger of '
-        'fit and scatter as type A.',
+        'Standard uncertainties (k = 1) in percent of the value. U is twice the root sum of squares of the larger of '
+        'fit and scatter, and of the others.',
         items,
         *([('axis', lambda item: item[0].axis.axis)] if len(outcome.axes) > 1 else []),
         (LOADING_NAMES[outcome.quantity], lambda item: item[0].loading, digits(4)),
@@ -225,7 +235,7 @@ def _budget(outcome: CampaignOutcome) -> Table:
         ('fit', share(lambda q: q.fit)),
         ('scatter of releases', share(lambda q: q.repeats)),
         *((name, share(partial(_of_source, source))) for source, name in SOURCES.items()),
-        ('U (k = 2)', share(lambda q: q.expanded)),
+        ('U (k = 2)', share(lambda q: q.expanded, more=0)),
     )
 
 
@@ -235,19 +245,22 @@ def _of_source(source: str, quantity: TankQuantity) -> float | None:
 
 def _limits(outcome: CampaignOutcome) -> Iterator[str]:
     """Where the results hold, and what they do not contain."""
-    for result in draft_results(outcome):
-        low, high = np.degrees(result.fit.amplitude_range)
-        yield f'{place_of(outcome, result)}: the results hold for the amplitudes measured, {low:.2g} to {high:.2g} deg.'
+    measured = [(place_of(outcome, each), *np.degrees(each.fit.amplitude_range)) for each in draft_results(outcome)]
+    ranges = '; '.join(f'{low:.2g} to {high:.2g} deg ({place})' for place, low, high in measured)
+    yield f'The results hold for the amplitudes measured: {ranges}.'
     speeds = sorted({axis.speed_m_s for axis in outcome.axes})
     under_way = ' and '.join(f'{speed:g} m/s' for speed in speeds) if any(speeds) else 'zero speed'
-    yield f'They hold at {under_way}, in still water of the depth and width of this tank.'
+    yield f'The results hold at {under_way}, in still water of the depth and width of this tank.'
     if any(len(axis.by_draft) > 1 for axis in outcome.axes):
         yield 'Between the drafts the coefficients may be interpolated linearly; they are not extrapolated.'
     yield (
-        'They are those of the model: Froude scaling keeps wave damping, but viscous damping does not scale with it '
-        '(ITTC 7.5-02-07-04.5).'
+        'The results are those at model scale: Froude scaling keeps wave damping, but viscous damping does not scale '
+        'with it (ITTC 7.5-02-07-04.5).'
     )
     yield f'Verdicts: {MEANING[ADEQUATE]}; {MEANING[DOUBTFUL]}; rejected results are not to be used.'
     yield from dict.fromkeys(
-        f'{advice.message[0].upper()}{advice.message[1:]}.' for t in outcome.trials for advice in t.advice if t.record
+        f'{advice.message[0].upper()}{advice.message[1:]}.'
+        for t in outcome.trials
+        for advice in t.advice
+        if t.record and advice.code not in FOR_THE_TANK
     )

@@ -222,6 +222,15 @@ def conditions_table(outcome: CampaignOutcome) -> Table:
     ]
     if craft.depth_m is not None and craft.draft_m is not None:
         rows.append(('freeboard [m]', f'{craft.depth_m - craft.draft_m:g}'))
+    used = [(t.record.condition, t.entry) for t in outcome.trials if t.record is not None]
+    for what, key, unit in (('mass', 'mass_kg', 'kg'), ('GM', 'gm_m', 'm'), ('inertia', 'inertia_kg_m2', 'kg m^2')):
+        known = {
+            (f'{c.axis} {what}' if key != 'mass_kg' else what, c.loading): value
+            for c, entry in used
+            if (value := getattr(entry, key)) is not None
+        }
+        for (name, loading), value in sorted(known.items()):
+            rows.append((f'{name} [{unit}] at {loading_in_words(outcome.quantity, loading)}', f'{value:g}'))
     for speed in sorted({t.entry.speed_m_s for t in outcome.trials if t.entry.speed_m_s is not None}):
         number = '' if craft.length_m is None else f', Froude number {froude_number(speed, craft.length_m):.3g}'
         rows.append(('speed [m/s]', f'{speed:g}{number}'))

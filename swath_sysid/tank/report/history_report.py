@@ -9,6 +9,7 @@ from swath_sysid.common.conventions import TWO_STD, digits, percent
 from swath_sysid.report.figures import MODEL, RESIDUAL, Figure, new_figure, quiet
 from swath_sysid.report.tables import Table
 from swath_sysid.tank.campaign.history import FALSE_ALARM, FEWEST, Entry, Found
+from swath_sysid.tank.report.campaign_results import places_of
 
 QUANTITIES = {'GM': 'GM', 'damping': 'the damping'}
 
@@ -70,11 +71,13 @@ def history_sentences(entries: Sequence[Entry], found: Sequence[Found], axis: st
                 early, late = used[change.earliest - 1], used[change.latest]
                 when += f', at the earliest after {early.name}, at the latest before {late.name}'
             verb = 'fell' if factor < 1.0 else 'rose'
-            shares = sorted(abs(share - 1.0) for share in (low, high))
+            places = places_of(50.0 * (high - low))
+            least, size, most = (
+                f'{100.0 * share:.{places}f}' for share in sorted(abs(f - 1.0) for f in (low, factor, high))
+            )
             said.append(
-                f'{QUANTITIES[each.quantity]} {verb} by {percent(abs(factor - 1.0), 2)} ({percent(shares[0], 2)} to '
-                f'{percent(shares[1], 2)}, 95 %) {when}; the probability that an unchanged craft shows as much is '
-                f'{percent(change.chance, 1)} or less.'
+                f'{QUANTITIES[each.quantity]} {verb} by {size} % ({least} to {most} %, 95 %) {when}; the probability '
+                f'that an unchanged craft shows as much is {percent(change.chance, 2)} or less.'
             )
         if not each.changes:
             said.append(f'{QUANTITIES[each.quantity]}: no significant change.')
