@@ -80,7 +80,8 @@ class DecaySegment:
     final_amplitude: float
     trim: float
     quantity: str = 'angle'  #: ``angle`` or ``rate``: what the half-cycles were found in.
-    #: ``released`` (held or dropped), ``record-start``, ``pushed``, ``under-way`` or ``given``.
+    #: ``released`` (held or dropped), ``smoothed`` (without the first half-cycle of a release), ``record-start``,
+    #: ``pushed``, ``under-way`` or ``given``.
     beginning: str = 'given'
     ending: str = 'given'  #: ``record-end``, ``noise-floor``, ``faded``, ``disturbed`` or ``given``.
     advice: tuple[Advice, ...] = ()  #: What was left out or had to be chosen.
@@ -218,9 +219,7 @@ def keeps_oscillating(motion: AxisMotion) -> bool:
 
 def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
     """The candidates that waves did not make."""
-    # of one without a rhythm, the first half-cycle
-    seen = [each for each in candidates if each.may_be_suited]
-    possible = [each if _is_rhythmic(each) else each.first_half for each in seen]
+    possible = [_rhythmic_part(each) for each in candidates if each.may_be_suited]
     possible = [each for each in possible if each.is_suited and _comes_to_trim(each) and each.evidence >= 1.0]
     free: list[DecayCandidate] = []
     while found := [candidate for candidate in possible if are_decays([candidate], free)] or _together(possible, free):
@@ -238,6 +237,15 @@ def _together(possible: Sequence[DecayCandidate], free: Sequence[DecayCandidate]
         [candidate for candidate in possible if candidate.rest + candidate.hold + candidate.stillness >= HOLD_BAND]
     )
     return after_rest if len(after_rest) > 1 and are_decays(after_rest, free) else []
+
+
+def _rhythmic_part(candidate: DecayCandidate) -> DecayCandidate:
+    """Of a candidate without a rhythm, what follows a half-cycle of the hand that lets go, or the first half-cycle."""
+    later = replace(candidate, first=min(candidate.first + 1, candidate.last - 1))
+    is_sizable = later.double_amplitudes[0] >= SIZABLE * candidate.double_amplitudes[0]
+    if _is_rhythmic(candidate):
+        return candidate
+    return later if is_sizable and later.is_evident(EVIDENT) and _is_rhythmic(later) else candidate.first_half
 
 
 def _is_rhythmic(candidate: DecayCandidate) -> bool:
@@ -319,7 +327,8 @@ def _free_start(candidate: DecayCandidate) -> tuple[int, str]:
     """Index of the turning point after which the motion is free, and how it began."""
     if candidate.leaves_in_gap and candidate.double_amplitudes.size > 1:
         return candidate.first + 1, 'under-way'
-    if candidate.hold:
+    # a hand that moves the craft keeps it on one side, too; of many half-cycles none need be such a hand's
+    if candidate.hold and (candidate.was_held_still or not candidate.is_evident(EVIDENT)):
         return candidate.first, 'released'
     if candidate.arrival <= candidate.signal.start + candidate.signal.interval:
         return candidate.first, 'record-start'
