@@ -197,11 +197,13 @@ def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]
 def _once_free(problem: Problem) -> Iterator[DecaySegment]:
     """The decays, without the first half-cycle of a release that a filter of the sensor, or the hand, has smoothed."""
     for motion, segment, state in zip(problem.motions, problem.segments, problem.states, strict=True):
-        is_long = segment.beginning == 'released' and segment.cycles >= FEW_CYCLES + 0.5
+        is_long = segment.beginning in ('released', 'smoothed') and segment.cycles >= FEW_CYCLES + 0.5
         if is_long and motion.angle is not None and _is_smoothed(problem, motion, segment, state.trim):
+            # what goes on for longer is a hand's
+            beginning = 'smoothed' if segment.beginning == 'released' else 'pushed'
             warning = Advice.of('smoothed-release', axis=problem.axis, start=segment.start)
             free = {'start': segment.start + 0.5 * segment.period, 'cycles': segment.cycles - 0.5}
-            segment = replace(segment, **free, beginning='smoothed', advice=(*segment.advice, warning))
+            segment = replace(segment, **free, beginning=beginning, advice=(*segment.advice, warning))
         yield segment
 
 
@@ -209,12 +211,11 @@ def _is_smoothed(problem: Problem, motion: AxisMotion, segment: DecaySegment, tr
     """Whether the craft accelerates less at first than the hull that is fitted to what follows would. However much the
     equation lacks, a craft that is let go follows its righting moment at once: what lags behind it is held or filtered.
     """
-    period, begin = segment.period, float(motion.time[0])
-    first = motion.between(begin, begin + FIRST_LOOK_PERIODS * period)
-    if first.size < 4:
+    period, begin, noise = segment.period, float(motion.time[0]), problem.noise
+    whole, early, late = (_look(motion, part, period, noise) for part in ((0.0, 1.0), (0.0, 0.5), (0.5, 1.0)))
+    if whole is None:
         return False
-    elapsed = first.time - begin - 0.5 * FIRST_LOOK_PERIODS * period
-    (angle, rate, acceleration), (*_, std) = parabola_through(elapsed, first.angle, first.rate, problem.noise)
+    (angle, rate, acceleration), (*_, std) = whole
     towards, stiffness = np.sign(trim - angle), (2.0 * np.pi / period) ** 2
     linear = stiffness * abs(trim - angle)
     if towards * acceleration >= PROMPT * linear:
@@ -224,7 +225,7 @@ def _is_smoothed(problem: Problem, motion: AxisMotion, segment: DecaySegment, tr
     fit, terms = motion_fit(problem, GENERAL_HULL, [later]), GENERAL_HULL.indices
     ratios = np.zeros(len(LOWER))
     ratios[AT.r1] = stiffness
-    start = fit.pack(ratios, [_initial_state(later, segment, problem.noise)])
+    start = fit.pack(ratios, [_initial_state(later, segment, noise)])
     parameters, left = fit.refine(start, LOWER[terms], UPPER[terms], STARTING_TOLERANCE)
     covariance = sandwich_covariance(*fit.residuals_and_jacobian(parameters), SEARCH_STEPS_PER_PERIOD // 4).matrix
     _, (state,) = fit.unpack(parameters)
@@ -233,9 +234,21 @@ def _is_smoothed(problem: Problem, motion: AxisMotion, segment: DecaySegment, tr
     due = min(float(effects @ parameters), linear)
     short = due - towards * acceleration
     # waves accelerate the craft by about as much as they move it in a period
-    others = max(left, 1.0) * np.hypot(std, stiffness * problem.noise.angle)
+    others = max(left, 1.0) * np.hypot(std, stiffness * noise.angle)
     chance = THREE_STD * np.sqrt(effects @ covariance @ effects + others**2)
-    return bool(short > (1.0 - PROMPT) * due and short > chance)
+    # a hull may be softer at angles that it does not reach later, but then its acceleration does not grow on the way
+    growth, doubt = (late[0] - early[0], np.hypot(late[1], early[1])) if early and late else (np.zeros(3), np.ones(3))
+    is_growing = towards * growth[2] > THREE_STD * doubt[2]
+    unknown = 0.0 if is_growing else 1.0 - np.abs(later.angle - state.trim).max() / abs(trim - angle)
+    return bool(short > (1.0 - PROMPT + max(unknown, 0.0)) * due and short > chance)
+
+
+def _look(motion: AxisMotion, part: tuple[float, float], period: float, noise: Noise):
+    """The parabola in the middle of a part of the first look, shares of `FIRST_LOOK_PERIODS`; None without samples."""
+    begin, end = (float(motion.time[0]) + share * FIRST_LOOK_PERIODS * period for share in part)
+    inside = motion.between(begin, end)
+    middle = inside.time - 0.5 * (begin + end)
+    return parabola_through(middle, inside.angle, inside.rate, noise) if inside.size >= 4 else None
 
 
 def needed_part(motion: AxisMotion, segment: DecaySegment) -> AxisMotion:

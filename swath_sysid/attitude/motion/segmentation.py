@@ -327,8 +327,7 @@ def _free_start(candidate: DecayCandidate) -> tuple[int, str]:
     """Index of the turning point after which the motion is free, and how it began."""
     if candidate.leaves_in_gap and candidate.double_amplitudes.size > 1:
         return candidate.first + 1, 'under-way'
-    # a hand that moves the craft keeps it on one side, too; of many half-cycles none need be such a hand's
-    if candidate.hold and (candidate.was_held_still or not candidate.is_evident(EVIDENT)):
+    if candidate.hold:
         return candidate.first, 'released'
     if candidate.arrival <= candidate.signal.start + candidate.signal.interval:
         return candidate.first, 'record-start'
