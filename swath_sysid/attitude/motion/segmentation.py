@@ -44,7 +44,7 @@ ASYMMETRY = 2.2  #: Largest ratio of the first half-cycle to the usual one: it m
 MIN_DECREMENT = 0.004
 
 LONGEST_FALL = 3.0  #: A release is at most this many times the drop from `HELD` to `HOLD_BAND` before it, in time.
-PUSH_MEMORY_HALF_CYCLES = 2  #: Left out after a push, while the double amplitude stays above `HELD` of the first.
+PUSH_MEMORY_HALF_CYCLES = 2  #: Left out after a push, while more than `HOLD_BAND` of the first one is left.
 
 #: With this many half-cycles the tail below this part of the first is left out, as it is as much the basin's motion.
 PLENTY_OF_HALF_CYCLES, PLENTIFUL_TAIL = 20, 0.125
@@ -333,7 +333,7 @@ def _free_start(candidate: DecayCandidate) -> tuple[int, str]:
         return candidate.first, 'record-start'
     skipped = 0
     for count in range(1, min(PUSH_MEMORY_HALF_CYCLES, candidate.double_amplitudes.size - 1) + 1):
-        if candidate.double_amplitudes[count] >= HELD * candidate.double_amplitudes[0]:
+        if candidate.double_amplitudes[count] >= HOLD_BAND * candidate.double_amplitudes[0]:
             skipped = count
     return candidate.first + skipped, 'pushed'
 
@@ -344,7 +344,9 @@ def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
     towards = float(np.sign(candidate.value[first + 1] - candidate.value[first]))
     inside = slice(signal.index(candidate.arrival), signal.index(candidate.time[first + 1]) + 1)
     away = towards * (candidate.centre - signal.value[inside])
-    level = float(np.median(away[signal.time[inside] <= candidate.release]))
+    # a hand that has not held it still had it elsewhere before
+    since = candidate.release - signal.time[inside]
+    level = float(np.median(away[(since >= 0.0) & (since <= 0.5 * candidate.period)]))
     at, later = (
         signal.start + signal.interval * (inside.start + last_crossing(away.tolist(), part * level))
         for part in (HELD, HOLD_BAND)
