@@ -396,21 +396,17 @@ def smoothed_away(found: DecayFit) -> float:
     """How much the next release differs if a filter made the motion smaller than the craft's by as much as it begins
     smaller after a smoothed release than the hull from the held angle: nonlinear terms change with the size.
     """
-    model, period, shares = found.model.with_trim(0.0), found.model.natural_period, [0.0]
+    model, period, shares = found.model.with_trim(0.0), 2.0 * np.pi / found.problem.scales.frequency, [0.0]
     times = period * np.arange(0.0, RELEASE_PERIODS, 1.0 / SEARCH_STEPS_PER_PERIOD)
-    for record in found.records:
-        if record.segment.beginning == 'smoothed':
-            held = float(np.copysign(record.segment.initial_amplitude, -record.state.x))
-            first = record.motion.time <= record.motion.time[0] + 0.5 * period
+    for record in (each for each in found.records if each.segment.beginning == 'smoothed'):
+        held = float(np.copysign(record.segment.initial_amplitude, -record.state.x))
+        first = record.motion.time <= record.motion.time[0] + 0.5 * period
+        with np.errstate(all='ignore'):
             own, _ = simulate(model, held, 0.0, times)
-            gain = np.abs(record.angle[first] - record.state.trim).max() / max(-np.sign(held) * own)
+            gain = np.abs(record.angle[first] - record.state.trim).max() / np.max(-np.sign(held) * own)
             smaller, _ = simulate(model, gain * held, 0.0, times)
-            shares.append(_rms(smaller / gain - own) / _rms(own))
+            shares.append(float(np.linalg.norm(smaller / gain - own) / np.linalg.norm(own)))
     return float(np.nan_to_num(max(shares), nan=np.inf))
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _first_clear(record: RecordFit) -> int:

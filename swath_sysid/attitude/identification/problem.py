@@ -202,8 +202,13 @@ def _once_free(problem: Problem) -> Iterator[DecaySegment]:
             # what goes on for longer is a hand's
             beginning = 'smoothed' if segment.beginning == 'released' else 'pushed'
             warning = Advice.of('smoothed-release', axis=problem.axis, start=segment.start)
-            free = {'start': segment.start + 0.5 * segment.period, 'cycles': segment.cycles - 0.5}
-            segment = replace(segment, **free, beginning=beginning, advice=(*segment.advice, warning))
+            segment = replace(
+                segment,
+                start=segment.start + 0.5 * segment.period,
+                cycles=segment.cycles - 0.5,
+                beginning=beginning,
+                advice=(*segment.advice, warning),
+            )
         yield segment
 
 
@@ -239,7 +244,7 @@ def _is_smoothed(problem: Problem, motion: AxisMotion, segment: DecaySegment, tr
     # a hull may be softer at angles that it does not reach later, but then its acceleration does not grow on the way
     growth, doubt = (late[0] - early[0], np.hypot(late[1], early[1])) if early and late else (np.zeros(3), np.ones(3))
     is_growing = towards * growth[2] > THREE_STD * doubt[2]
-    unknown = 0.0 if is_growing else 1.0 - np.abs(later.angle - state.trim).max() / abs(trim - angle)
+    unknown = 0.0 if is_growing else 1.0 - np.abs(later.primary - state.trim).max() / abs(trim - angle)
     return bool(short > (1.0 - PROMPT + max(unknown, 0.0)) * due and short > chance)
 
 
@@ -248,7 +253,7 @@ def _look(motion: AxisMotion, part: tuple[float, float], period: float, noise: N
     begin, end = (float(motion.time[0]) + share * FIRST_LOOK_PERIODS * period for share in part)
     inside = motion.between(begin, end)
     middle = inside.time - 0.5 * (begin + end)
-    return parabola_through(middle, inside.angle, inside.rate, noise) if inside.size >= 4 else None
+    return parabola_through(middle, inside.primary, inside.rate, noise) if inside.size >= 4 else None
 
 
 def needed_part(motion: AxisMotion, segment: DecaySegment) -> AxisMotion:
