@@ -34,7 +34,14 @@ from swath_sysid.attitude.hull.decay_model import (
     to_published,
 )
 from swath_sysid.attitude.hull.simulation import runge_kutta_population, simulate
-from swath_sysid.attitude.hull.terms import TERM_NAMES, restoring_energy, term_moments
+from swath_sysid.attitude.hull.terms import (
+    DAMPING_NAMES,
+    TERM_NAMES,
+    TERMS,
+    mean_damping_slopes,
+    restoring_energy,
+    term_moments,
+)
 from swath_sysid.cli.main import main
 from swath_sysid.common.errors import InputError
 from swath_sysid.formats.csv_trials import read_csv
@@ -264,6 +271,26 @@ def test_jacobian_against_finite_differences(ratios, angle, rate):
     by_angle = (model.acceleration(angle + h, rate) - model.acceleration(angle - h, rate)) / (2 * h)
     by_rate = (model.acceleration(angle, rate + h) - model.acceleration(angle, rate - h)) / (2 * h)
     assert model.jacobian(angle, rate) == pytest.approx((by_angle, by_rate), abs=2e-5)
+
+
+@pytest.mark.parametrize('rate', [0.0, 0.03, -0.1, 0.5])
+@pytest.mark.parametrize('name', [name for name in DAMPING_NAMES if TERMS[name].power > 0])
+def test_each_damping_term_has_its_mean_over_an_uncertain_rate(name, rate):
+    std, place, h = 0.2, TERM_NAMES.index(name), 1e-4
+
+    def mean(about):
+        """Of the term over the normal distribution, by the trapezoid rule."""
+        normal = np.linspace(-8.0, 8.0, 4001)
+        moment = term_moments(0.0 * normal, about + std * normal, 0.01)[place] * np.exp(-0.5 * normal**2)
+        return np.trapezoid(moment, normal) / np.sqrt(2.0 * np.pi)
+
+    added = mean_damping_slopes(rate, std**2)[place]
+    if rate == 0.0:
+        expected = (mean(h) - mean(-h)) / (2.0 * h)
+        assert added + (name == 'b1') == pytest.approx(expected, rel=1e-4)
+    else:
+        own = term_moments(0.0, rate, 0.01)[place]
+        assert own + added * rate == pytest.approx(mean(rate), rel=0.03)
 
 
 @given(RESTORING, st.floats(-1, 1))

@@ -446,6 +446,20 @@ def test_a_craft_that_is_rocked_from_the_first_sample_and_let_go(damping_ratio, 
     assert decay.period == pytest.approx(PERIOD * pace, rel=0.01)
 
 
+@pytest.mark.parametrize(('inclined', 'periods'), [(-0.15, 1.25), (0.18, 1.0)])
+def test_the_last_move_of_a_hand_is_no_part_of_the_decay(inclined, periods):
+    """A hand inclines the craft, moves it on to another angle, on the other side or the same, and lets go there."""
+    time, way = np.arange(0.0, 18.0 * PERIOD, 1 / RATE_HZ), [0.0, inclined, 0.1]
+    let_go, hand = 5.0 * PERIOD, np.zeros_like(time)
+    for place, begin in enumerate((let_go - (1.5 + periods) * PERIOD, let_go - periods * PERIOD)):
+        part = np.clip((time - begin) / PERIOD / (1.5, periods)[place], 0.0, 1.0)
+        hand += (way[place + 1] - way[place]) * 0.5 * (1.0 - np.cos(np.pi * part))
+    free, _ = released(time - let_go, 0.1, 0.07)
+    (decay,) = find_decays(motion_of(time, np.where(time < let_go, hand, free)))
+    assert -0.3 * PERIOD < decay.start - let_go < 1.7 * PERIOD and decay.cycles > 6.0
+    assert decay.period == pytest.approx(PERIOD, rel=0.02)
+
+
 def test_what_the_user_calls_a_decay_is_no_waves_and_slow_noise_breaks_none():
     """Half-cycles that shrink by less than the noise of a trim that wanders, in a record that shows nothing else."""
     random, whole = np.random.default_rng(0), 0

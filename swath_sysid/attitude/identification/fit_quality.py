@@ -20,7 +20,7 @@ from swath_sysid.attitude.hull.terms import (
 )
 from swath_sysid.attitude.identification.decay_fit import DecayFit, RecordFit
 from swath_sysid.attitude.identification.motion_fit import PERTURBATION, SEARCH_STEPS_PER_PERIOD, InitialState, Noise
-from swath_sysid.attitude.identification.problem import FIRST_LOOK_PERIODS, motion_fit, state_at_start
+from swath_sysid.attitude.identification.problem import FIRST_LOOK_PERIODS, motion_fit, parabola_through
 from swath_sysid.attitude.motion.quality import MIN_CYCLES
 from swath_sysid.attitude.motion.segmentation import ASYMMETRY
 from swath_sysid.attitude.motion.sensor_checks import MAX_OFFSET
@@ -201,7 +201,8 @@ def judge(found: DecayFit, objective: str) -> tuple[Verdict, tuple[Advice, ...]]
     same_side, other_side = posterior_errors(found)
     unseen = float(np.hypot(other_side, unseen_asymmetry(found)))
     unexplained = max(unexplained_share(found, quantity) for quantity in ('angle', 'rate'))
-    errors = Errors(max(same_side, unseen), other_side, unexplained, missed_share(found), unseen)
+    missed = float(np.hypot(missed_share(found), smoothed_away(found)))
+    errors = Errors(max(same_side, unseen), other_side, unexplained, missed, unseen)
     errors = errors if errors.total <= ADEQUATE_ERROR else replace(errors, uncertain=same_side)
     findings = list(warnings_of(found, objective, errors))
     causes = [each for each in findings if each[0] != ADEQUATE]
@@ -391,6 +392,23 @@ def missed_share(found: DecayFit) -> float:
     return share if np.isfinite(share) else np.inf
 
 
+def smoothed_away(found: DecayFit) -> float:
+    """How much the next release differs if a filter made the motion smaller than the craft's by as much as it begins
+    smaller after a smoothed release than the hull from the held angle: nonlinear terms change with the size.
+    """
+    model, period, shares = found.model.with_trim(0.0), 2.0 * np.pi / found.problem.scales.frequency, [0.0]
+    times = period * np.arange(0.0, RELEASE_PERIODS, 1.0 / SEARCH_STEPS_PER_PERIOD)
+    for record in (each for each in found.records if each.segment.beginning == 'smoothed'):
+        held = float(np.copysign(record.segment.initial_amplitude, -record.state.x))
+        first = record.motion.time <= record.motion.time[0] + 0.5 * period
+        with np.errstate(all='ignore'):
+            own, _ = simulate(model, held, 0.0, times)
+            gain = np.abs(record.angle[first] - record.state.trim).max() / np.max(-np.sign(held) * own)
+            smaller, _ = simulate(model, gain * held, 0.0, times)
+            shares.append(float(np.linalg.norm(smaller / gain - own) / np.linalg.norm(own)))
+    return float(np.nan_to_num(max(shares), nan=np.inf))
+
+
 def _first_clear(record: RecordFit) -> int:
     """Which first look shows free motion only: where no release was seen, the first may hold what remains of it."""
     return 0 if record.segment.beginning == 'released' else 1
@@ -417,7 +435,8 @@ def _state_offsets(record: RecordFit, noise: Noise) -> np.ndarray:
     for begin in range(0, max(motion.size - size, 0) + 1, size):
         inside = slice(begin, begin + size)
         own = None if rate is None else rate[inside] - rate.mean()
-        found.append(state_at_start(motion.time[inside] - motion.time[begin], angle[inside], own, noise))
+        offsets, _ = parabola_through(motion.time[inside] - motion.time[begin], angle[inside], own, noise)
+        found.append(offsets[:2])
     return np.array(found)
 
 

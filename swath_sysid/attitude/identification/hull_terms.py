@@ -30,8 +30,8 @@ CHANCE = 0.001  #: Probability that a likelihood ratio calls a complete equation
 #: Looked for where an equation lacks them; linear restoring may be a sine's.
 SMOOTH_TERMS = tuple(name for name in GENERAL_HULL.terms if name not in LINEAR_RESTORING)
 WITH_FRICTION = composed(('b0', *GENERAL_HULL.terms))
-#: A hull explains a decay if its own motion leaves at most so many times what least squares leaves, and this part of
-#: the motion. Waves of 30 % at resonance leave 3.4 times as much, a hull that a basin took over 4.6 times.
+#: A hull explains a decay if its own motion leaves at most so many times what least squares leaves, or this part of the
+#: motion. Waves of 30 % at resonance leave 3.4 times as much, a hull that a basin took over 4.4 times.
 TIMES_LEAST, PART_OF_MOTION = 4.0, 0.02
 
 
@@ -79,7 +79,7 @@ def explaining(
         return float(np.sqrt(np.mean(np.concatenate(fit.residuals_and_jacobian(parameters)[0]) ** 2)))
 
     motion = float(np.sqrt(np.mean([np.var(channel) for channel in problem.weighted])))
-    most = TIMES_LEAST * left(fit.settled(ratios, states)) + PART_OF_MOTION * motion
+    most = max(TIMES_LEAST * left(fit.settled(ratios, states)), PART_OF_MOTION * motion)
     return [each for each in optima if left(fit.settled(likelihood.unpack(each.z)[0], states)) <= most]
 
 

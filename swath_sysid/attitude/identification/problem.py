@@ -1,21 +1,28 @@
 """The identification problem: the free decays of records, and first estimates from them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
+from swath_sysid.attitude.hull.catalogue import GENERAL_HULL
 from swath_sysid.attitude.hull.decay_model import Equation
-from swath_sysid.attitude.hull.terms import Scales
-from swath_sysid.attitude.identification.motion_fit import InitialState, MotionFit, Noise
+from swath_sysid.attitude.hull.terms import AT, LOWER, UPPER, Scales, term_moments
+from swath_sysid.attitude.identification.motion_fit import (
+    SEARCH_STEPS_PER_PERIOD,
+    STARTING_TOLERANCE,
+    InitialState,
+    MotionFit,
+    Noise,
+)
 from swath_sysid.attitude.motion.decay_candidates import HOLD_BAND, REST_BAND
 from swath_sysid.attitude.motion.quality import MIN_CYCLES, check_decay, without_spikes
 from swath_sysid.attitude.motion.rate_comparison import aligned
 from swath_sysid.attitude.motion.segmentation import ASYMMETRY, FORCED_MOTION, DecaySegment, decays_or_absence
 from swath_sysid.attitude.motion.trial import AxisMotion
 from swath_sysid.common.advice import Advice
-from swath_sysid.common.conventions import CONFIDENCE
+from swath_sysid.common.conventions import CONFIDENCE, THREE_STD
 from swath_sysid.common.covariance import ParameterCovariance, sandwich_covariance
 from swath_sysid.common.errors import InputError
 from swath_sysid.common.signals import bin_means, running_integral, weighting_noise
@@ -28,6 +35,8 @@ LONGEST_AFTERMATH = 10.0  #: Periods after a decay that are used.
 FIRST_LOOK_PERIODS = 0.12  #: Share of a period that the initial state is estimated from.
 
 ALIKE = 1.5  #: Ratio by which the periods of releases of one craft differ at most: restoring bends them by less.
+
+PROMPT = 0.9  #: Of the hull's own acceleration; a craft that comes to less at first is not free yet.
 
 #: With fewer cycles the frequency is that of the first return to the trim, over twice the time to this share of
 #: the angle, if the record can show it.
@@ -168,7 +177,7 @@ def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]
     states = tuple(_initial_state(m, s, noise) for m, s in zip(cut, segments, strict=True))
     amplitude = max(_amplitude(m, s, frequency) for m, s in zip(cut, states, strict=True))
     scales = Scales(amplitude, frequency)
-    return Problem(
+    problem = Problem(
         axis=motions[0].axis,
         motions=cut,
         segments=segments,
@@ -181,6 +190,70 @@ def problem_of(motions: Sequence[AxisMotion], segments: tuple[DecaySegment, ...]
         friction_rate=scales.friction_rate,
         advice=tuple(dict.fromkeys(advice)),
     )
+    free = tuple(_once_free(problem))
+    return problem if free == segments else problem_of(motions, free)
+
+
+def _once_free(problem: Problem) -> Iterator[DecaySegment]:
+    """The decays, without the first half-cycle of a release that a filter of the sensor, or the hand, has smoothed."""
+    for motion, segment, state in zip(problem.motions, problem.segments, problem.states, strict=True):
+        is_long = segment.beginning in ('released', 'smoothed') and segment.cycles >= FEW_CYCLES + 0.5
+        if is_long and motion.angle is not None and _is_smoothed(problem, motion, segment, state.trim):
+            # what goes on for longer is a hand's
+            beginning = 'smoothed' if segment.beginning == 'released' else 'pushed'
+            warning = Advice.of('smoothed-release', axis=problem.axis, start=segment.start)
+            segment = replace(
+                segment,
+                start=segment.start + 0.5 * segment.period,
+                cycles=segment.cycles - 0.5,
+                beginning=beginning,
+                advice=(*segment.advice, warning),
+            )
+        yield segment
+
+
+def _is_smoothed(problem: Problem, motion: AxisMotion, segment: DecaySegment, trim: float) -> bool:
+    """Whether the craft accelerates less at first than the hull that is fitted to what follows would. However much the
+    equation lacks, a craft that is let go follows its righting moment at once: what lags behind it is held or filtered.
+    """
+    period, begin, noise = segment.period, float(motion.time[0]), problem.noise
+    whole, early, late = (_look(motion, part, period, noise) for part in ((0.0, 1.0), (0.0, 0.5), (0.5, 1.0)))
+    if whole is None:
+        return False
+    (angle, rate, acceleration), (*_, std) = whole
+    towards, stiffness = np.sign(trim - angle), (2.0 * np.pi / period) ** 2
+    linear = stiffness * abs(trim - angle)
+    if towards * acceleration >= PROMPT * linear:
+        return False
+    later = motion.between(begin + 0.5 * period, begin + (0.5 + 2.0 * FEW_CYCLES) * period)
+    later = block_means(later, period, SEARCH_STEPS_PER_PERIOD)
+    fit, terms = motion_fit(problem, GENERAL_HULL, [later]), GENERAL_HULL.indices
+    ratios = np.zeros(len(LOWER))
+    ratios[AT.r1] = stiffness
+    start = fit.pack(ratios, [_initial_state(later, segment, noise)])
+    parameters, left = fit.refine(start, LOWER[terms], UPPER[terms], STARTING_TOLERANCE)
+    covariance = sandwich_covariance(*fit.residuals_and_jacobian(parameters), SEARCH_STEPS_PER_PERIOD // 4).matrix
+    _, (state,) = fit.unpack(parameters)
+    effects = -towards * term_moments(angle - state.trim, rate, problem.friction_rate)[terms]
+    effects = np.r_[effects * problem.scales.ratio_units[terms], np.zeros(parameters.size - terms.size)]
+    due = min(float(effects @ parameters), linear)
+    short = due - towards * acceleration
+    # waves accelerate the craft by about as much as they move it in a period
+    others = max(left, 1.0) * np.hypot(std, stiffness * noise.angle)
+    chance = THREE_STD * np.sqrt(effects @ covariance @ effects + others**2)
+    # a hull may be softer at angles that it does not reach later, but then its acceleration does not grow on the way
+    growth, doubt = (late[0] - early[0], np.hypot(late[1], early[1])) if early and late else (np.zeros(3), np.ones(3))
+    is_growing = towards * growth[2] > THREE_STD * doubt[2]
+    unknown = 0.0 if is_growing else 1.0 - np.abs(later.primary - state.trim).max() / abs(trim - angle)
+    return bool(short > (1.0 - PROMPT + max(unknown, 0.0)) * due and short > chance)
+
+
+def _look(motion: AxisMotion, part: tuple[float, float], period: float, noise: Noise):
+    """The parabola in the middle of a part of the first look, shares of `FIRST_LOOK_PERIODS`; None without samples."""
+    begin, end = (float(motion.time[0]) + share * FIRST_LOOK_PERIODS * period for share in part)
+    inside = motion.between(begin, end)
+    middle = inside.time - 0.5 * (begin + end)
+    return parabola_through(middle, inside.primary, inside.rate, noise) if inside.size >= 4 else None
 
 
 def needed_part(motion: AxisMotion, segment: DecaySegment) -> AxisMotion:
@@ -257,22 +330,25 @@ def _initial_state(motion: AxisMotion, segment: DecaySegment, noise: Noise):
         slope, rate = np.polyfit(t, motion.primary[first], 1)
         return InitialState(_angle_from_rate(motion, segment), float(rate), 0.0)
     trim = float(segment.trim)
-    x, rate = state_at_start(t, motion.angle[first] - trim, None if motion.rate is None else motion.rate[first], noise)
-    return InitialState(x, rate, trim)
+    rates = None if motion.rate is None else motion.rate[first]
+    (x, rate, _), _ = parabola_through(t, motion.angle[first] - trim, rates, noise)
+    return InitialState(float(x), float(rate), trim)
 
 
-def state_at_start(
+def parabola_through(
     elapsed: np.ndarray, angle: np.ndarray, rate: np.ndarray | None, noise: Noise
-) -> tuple[float, float]:
-    """Value and slope at the start of a parabola through angles (N,), and rates if measured, ``elapsed`` s after it."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Value, slope and curvature of a parabola through angles (N,), and rates if measured, ``elapsed`` s after the time
+    they are for, and their standard deviations.
+    """
     one, zero = np.ones(elapsed.size), np.zeros(elapsed.size)
     rows = np.column_stack([one, elapsed, elapsed * elapsed / 2]) / noise.angle
     right = angle / noise.angle
     if rate is not None:
         rows = np.concatenate([rows, np.column_stack([zero, one, elapsed]) / noise.rate])
         right = np.concatenate([right, rate / noise.rate])
-    value, slope, _ = np.linalg.lstsq(rows, right, rcond=None)[0]
-    return float(value), float(slope)
+    inverse = np.linalg.pinv(rows)
+    return inverse @ right, np.linalg.norm(inverse, axis=1)
 
 
 def _frequency(motion: AxisMotion, segment: DecaySegment):

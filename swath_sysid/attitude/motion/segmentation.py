@@ -44,7 +44,7 @@ ASYMMETRY = 2.2  #: Largest ratio of the first half-cycle to the usual one: it m
 MIN_DECREMENT = 0.004
 
 LONGEST_FALL = 3.0  #: A release is at most this many times the drop from `HELD` to `HOLD_BAND` before it, in time.
-PUSH_MEMORY_HALF_CYCLES = 2  #: Left out after a push, while the double amplitude stays above `HELD` of the first.
+PUSH_MEMORY_HALF_CYCLES = 2  #: Left out after a push, while more than `HOLD_BAND` of the first one is left.
 
 #: With this many half-cycles the tail below this part of the first is left out, as it is as much the basin's motion.
 PLENTY_OF_HALF_CYCLES, PLENTIFUL_TAIL = 20, 0.125
@@ -80,7 +80,8 @@ class DecaySegment:
     final_amplitude: float
     trim: float
     quantity: str = 'angle'  #: ``angle`` or ``rate``: what the half-cycles were found in.
-    #: ``released`` (held or dropped), ``record-start``, ``pushed``, ``under-way`` or ``given``.
+    #: ``released`` (held or dropped), ``smoothed`` (without the first half-cycle of a release), ``record-start``,
+    #: ``pushed``, ``under-way`` or ``given``.
     beginning: str = 'given'
     ending: str = 'given'  #: ``record-end``, ``noise-floor``, ``faded``, ``disturbed`` or ``given``.
     advice: tuple[Advice, ...] = ()  #: What was left out or had to be chosen.
@@ -218,9 +219,7 @@ def keeps_oscillating(motion: AxisMotion) -> bool:
 
 def _decays_among(candidates: Sequence[DecayCandidate]) -> list[DecayCandidate]:
     """The candidates that waves did not make."""
-    # of one without a rhythm, the first half-cycle
-    seen = [each for each in candidates if each.may_be_suited]
-    possible = [each if _is_rhythmic(each) else each.first_half for each in seen]
+    possible = [_rhythmic_part(each) for each in candidates if each.may_be_suited]
     possible = [each for each in possible if each.is_suited and _comes_to_trim(each) and each.evidence >= 1.0]
     free: list[DecayCandidate] = []
     while found := [candidate for candidate in possible if are_decays([candidate], free)] or _together(possible, free):
@@ -238,6 +237,15 @@ def _together(possible: Sequence[DecayCandidate], free: Sequence[DecayCandidate]
         [candidate for candidate in possible if candidate.rest + candidate.hold + candidate.stillness >= HOLD_BAND]
     )
     return after_rest if len(after_rest) > 1 and are_decays(after_rest, free) else []
+
+
+def _rhythmic_part(candidate: DecayCandidate) -> DecayCandidate:
+    """Of a candidate without a rhythm, what follows a half-cycle of the hand that lets go, or the first half-cycle."""
+    later = replace(candidate, first=min(candidate.first + 1, candidate.last - 1))
+    is_sizable = later.double_amplitudes[0] >= SIZABLE * candidate.double_amplitudes[0]
+    if _is_rhythmic(candidate):
+        return candidate
+    return later if is_sizable and later.is_evident(EVIDENT) and _is_rhythmic(later) else candidate.first_half
 
 
 def _is_rhythmic(candidate: DecayCandidate) -> bool:
@@ -325,7 +333,7 @@ def _free_start(candidate: DecayCandidate) -> tuple[int, str]:
         return candidate.first, 'record-start'
     skipped = 0
     for count in range(1, min(PUSH_MEMORY_HALF_CYCLES, candidate.double_amplitudes.size - 1) + 1):
-        if candidate.double_amplitudes[count] >= HELD * candidate.double_amplitudes[0]:
+        if candidate.double_amplitudes[count] >= HOLD_BAND * candidate.double_amplitudes[0]:
             skipped = count
     return candidate.first + skipped, 'pushed'
 
@@ -336,7 +344,9 @@ def _release_time(candidate: DecayCandidate, motion: AxisMotion) -> float:
     towards = float(np.sign(candidate.value[first + 1] - candidate.value[first]))
     inside = slice(signal.index(candidate.arrival), signal.index(candidate.time[first + 1]) + 1)
     away = towards * (candidate.centre - signal.value[inside])
-    level = float(np.median(away[signal.time[inside] <= candidate.release]))
+    # a hand that has not held it still had it elsewhere before
+    since = candidate.release - signal.time[inside]
+    level = float(np.median(away[(since >= 0.0) & (since <= 0.5 * candidate.period)]))
     at, later = (
         signal.start + signal.interval * (inside.start + last_crossing(away.tolist(), part * level))
         for part in (HELD, HOLD_BAND)
