@@ -13,6 +13,7 @@ from test_nodes_launch import assert_arguments_are_described_and_used, assert_no
 from test_nodes_parameter_tables import assert_every_parameter_matters, choices_of
 from test_public_api import NAMES, running_examples
 
+from swath_sysid.attitude.motion.attitude import FRAMES
 from swath_sysid.cli.main import main
 from swath_sysid.formats.schema import plain_content
 from swath_sysid.manoeuvring.formats.csv import write_manoeuvring_csv
@@ -22,9 +23,13 @@ from swath_sysid.manoeuvring.hull.standard_tests import RunNoise, trial_programm
 from swath_sysid.manoeuvring.motion.window import THRUST_INPUTS
 from swath_sysid.manoeuvring.nodes.settings import manoeuvring_pipeline_settings, manoeuvring_settings
 from swath_sysid.manoeuvring.wing import WING
+from swath_sysid.nodes.parameters.settings import installation
 
 SIMULATE = 'manoeuvre simulate --hull wamv-vrx-old --test'
-SETTINGS_OF = {'manoeuvring_identifier': manoeuvring_settings, 'manoeuvring_predictor': manoeuvring_pipeline_settings}
+SETTINGS_OF = {
+    'manoeuvring_identifier': manoeuvring_settings,
+    'manoeuvring_predictor': lambda values: (manoeuvring_pipeline_settings(values), installation(values)),
+}
 HOSTILE = manoeuvring_texts()
 
 
@@ -87,12 +92,16 @@ def test_filterpy_is_loaded_by_what_forecasts_and_by_nothing_else():
 
 
 def test_choices_are_those_of_the_wing():
-    assert choices_of(WING.nodes) == {('manoeuvring_identifier', 'thrust_input'): THRUST_INPUTS}
+    assert choices_of(WING.nodes) == {
+        ('manoeuvring_identifier', 'thrust_input'): THRUST_INPUTS,
+        ('manoeuvring_predictor', 'frame'): FRAMES,
+    }
 
 
 @pytest.mark.parametrize('node', WING.nodes)
 def test_every_parameter_matters(node):
-    assert_every_parameter_matters(node, SETTINGS_OF[node], {'thrust_input': 'force', 'leads_s': [0.7]})
+    others = {'thrust_input': 'force', 'leads_s': [0.7], 'frame': 'frd', 'mounting_deg': [0.0, 0.0, 90.0]}
+    assert_every_parameter_matters(node, SETTINGS_OF[node], others)
 
 
 def test_the_launch_file_starts_the_nodes_with_described_arguments_and_remapped_topics():

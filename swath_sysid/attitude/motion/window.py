@@ -26,7 +26,7 @@ WINDOW_REASONS = codes_in('stamps', 'intake')
 
 LOOK_INTERVAL = 1.0  #: s from one look for a decay that has ended to the next,
 CALM = 0.35  #: ... while the motion of the last two of them stays within this part of all motion in the window.
-SEEN_BEFORE_PUSH = 2.5  #: Periods that show whether the craft was at rest before it was pushed.
+SEEN_BEFORE_PUSH = 3.0  #: Periods before a decay, among them those left out after the push, that show an earlier rest.
 LOOK_RATE = 50.0  #: Hz; a faster record is averaged down to this before a decay is looked for, which then takes 10 ms.
 
 
