@@ -216,8 +216,9 @@ def _is_smoothed(problem: Problem, motion: AxisMotion, segment: DecaySegment, tr
     """Whether the craft accelerates less at first than the hull that is fitted to what follows would. However much the
     equation lacks, a craft that is let go follows its righting moment at once: what lags behind it is held or filtered.
     """
-    period, begin, noise = segment.period, float(motion.time[0]), problem.noise
-    whole, early, late = (_look(motion, part, period, noise) for part in ((0.0, 1.0), (0.0, 0.5), (0.5, 1.0)))
+    # the craft may be let go between two samples
+    period, begin, noise = segment.period, float(motion.time[1]), problem.noise
+    whole, early, late = (_look(motion, begin, part, period, noise) for part in ((0.0, 1.0), (0.0, 0.5), (0.5, 1.0)))
     if whole is None:
         return False
     (angle, rate, acceleration), (*_, std) = whole
@@ -248,9 +249,9 @@ def _is_smoothed(problem: Problem, motion: AxisMotion, segment: DecaySegment, tr
     return bool(short > (1.0 - PROMPT + max(unknown, 0.0)) * due and short > chance)
 
 
-def _look(motion: AxisMotion, part: tuple[float, float], period: float, noise: Noise):
+def _look(motion: AxisMotion, since: float, part: tuple[float, float], period: float, noise: Noise):
     """The parabola in the middle of a part of the first look, shares of `FIRST_LOOK_PERIODS`; None without samples."""
-    begin, end = (float(motion.time[0]) + share * FIRST_LOOK_PERIODS * period for share in part)
+    begin, end = (since + share * FIRST_LOOK_PERIODS * period for share in part)
     inside = motion.between(begin, end)
     middle = inside.time - 0.5 * (begin + end)
     return parabola_through(middle, inside.primary, inside.rate, noise) if inside.size >= 4 else None
