@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp, trapezoid
 from scipy.signal import find_peaks
 from scipy.special import ellipk
 
@@ -282,7 +282,7 @@ def test_each_damping_term_has_its_mean_over_an_uncertain_rate(name, rate):
         """Of the term over the normal distribution, by the trapezoid rule."""
         normal = np.linspace(-8.0, 8.0, 4001)
         moment = term_moments(0.0 * normal, about + std * normal, 0.01)[place] * np.exp(-0.5 * normal**2)
-        return np.trapezoid(moment, normal) / np.sqrt(2.0 * np.pi)
+        return trapezoid(moment, normal) / np.sqrt(2.0 * np.pi)
 
     added = mean_damping_slopes(rate, std**2)[place]
     if rate == 0.0:
