@@ -16,6 +16,7 @@ from swath_sysid.formats.cells import numbers_of
 from swath_sysid.formats.clocks import clocks_of
 from swath_sysid.formats.table_heads import ROWS_OF_SAMPLE, kind_of_cell
 from swath_sysid.formats.text_tables import (
+    Devices,
     Losses,
     NamedColumns,
     Progress,
@@ -71,7 +72,7 @@ def _by_label(table: NamedColumns) -> list[NamedColumns]:
         return []
     (numbers, *values), losses = table.read([at, *motions], None)
     numbers = np.where(np.isfinite(values).any(axis=0), numbers, np.nan)
-    names = next((str(each.said['names']).split('\0') for each in losses if each.code == 'devices'), [])
+    names = next((each.names for each in losses if isinstance(each, Devices)), ())
     several = [number for number in range(len(names)) if np.count_nonzero(numbers == number) >= MIN_ROWS]
 
     def rows_of_device(number: int, places: Sequence[int], progress: Progress | None) -> tuple[np.ndarray, Losses]:

@@ -40,6 +40,13 @@ Read = Callable[[Sequence[int], Progress | None], tuple[np.ndarray, Losses]]
 
 
 @dataclass(frozen=True)
+class Devices(Loss):
+    """The devices that a column names, in the order of their numbers; nothing is lost with them."""
+
+    names: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class NamedColumns:
     """A table of a file: that of a text, a sheet, a group of channels, or the vectors of a struct."""
 
@@ -113,8 +120,8 @@ def labelled(labels: Labels, cell: Any) -> float:
 
 
 def labels_of(labels: Labels) -> Losses:
-    """The names of the devices, beside which nothing is lost."""
-    return (Loss('devices', of=1, said={'names': '\0'.join(labels)}),) if labels else ()
+    """The names of the devices, if a column names any."""
+    return (Devices('devices', of=1, names=tuple(labels)),) if labels else ()
 
 
 def texts_lost(name: str, number: int, known: int, line: int, cell: str) -> Loss:
@@ -311,12 +318,12 @@ class BlockParser:
         self.head = head
         self.indices = indices
         seconds = partial(seconds_of_text, order=order)
-        self.dates: Readers = {index: seconds for index in indices if index in head.kinds}
         self.labels: Labels = {}
-        self.dates |= {
+        self.converters: Readers = {index: seconds for index in indices if index in head.kinds}
+        self.converters |= {
             index: partial(labelled, self.labels) for index in indices if plain_name(head.names[index]) in DEVICE_NAMES
         }
-        self.readers: Readers = {index: self.dates.get(index, known_number) for index in indices}
+        self.readers: Readers = {index: self.converters.get(index, known_number) for index in indices}
         self.blocks = [np.empty((len(indices), 0))]
         self.line = head.first_line
         self.widest = 0  #: Cells of a row, as most have them or as there are names.
@@ -381,7 +388,7 @@ class BlockParser:
             lines,
             delimiter=self.head.delimiter,
             usecols=self.indices,
-            converters=self.dates or None,
+            converters=self.converters or None,
             comments=None,
             ndmin=2,
             encoding='utf-8',

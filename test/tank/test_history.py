@@ -131,7 +131,7 @@ def test_an_interrupted_log_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
         done.append(trial.source)
         if len(done) == 4:
             raise KeyboardInterrupt
-        return [began, 'adequate', model_to_yaml({axis: model_of()}), {'about': '', 'tilts': []}]
+        return [began, 'adequate', model_to_yaml({axis: model_of()}), {'axis': axis, 'tilts': []}]
 
     monkeypatch.setattr(history, 'hull_of', hull_of)
     trial = simulated_trial(model_of().model, 0.1, 10.0, 20.0, hold=1.0)

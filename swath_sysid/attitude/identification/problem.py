@@ -218,35 +218,44 @@ def _is_smoothed(problem: Problem, motion: AxisMotion, segment: DecaySegment, tr
     """
     # the craft may be let go between two samples
     period, begin, noise = segment.period, float(motion.time[1]), problem.noise
-    whole, early, late = (_look(motion, begin, part, period, noise) for part in ((0.0, 1.0), (0.0, 0.5), (0.5, 1.0)))
-    if whole is None:
+    look = _look(motion, begin, (0.0, 1.0), period, noise)
+    if look is None:
         return False
-    (angle, rate, acceleration), (*_, std) = whole
+    (angle, rate, acceleration), (*_, std) = look
     towards, stiffness = np.sign(trim - angle), (2.0 * np.pi / period) ** 2
     linear = stiffness * abs(trim - angle)
     if towards * acceleration >= PROMPT * linear:
         return False
     later = motion.between(begin + 0.5 * period, begin + (0.5 + 2.0 * FEW_CYCLES) * period)
     later = block_means(later, period, SEARCH_STEPS_PER_PERIOD)
-    fit, terms = motion_fit(problem, GENERAL_HULL, [later]), GENERAL_HULL.indices
-    ratios = np.zeros(len(LOWER))
-    ratios[AT.r1] = stiffness
-    start = fit.pack(ratios, [_initial_state(later, segment, noise)])
-    parameters, left = fit.refine(start, LOWER[terms], UPPER[terms], STARTING_TOLERANCE)
-    covariance = sandwich_covariance(*fit.residuals_and_jacobian(parameters), SEARCH_STEPS_PER_PERIOD // 4).matrix
-    _, (state,) = fit.unpack(parameters)
-    effects = -towards * term_moments(angle - state.trim, rate, problem.friction_rate)[terms]
-    effects = np.r_[effects * problem.scales.ratio_units[terms], np.zeros(parameters.size - terms.size)]
-    due = min(float(effects @ parameters), linear)
+    own, own_std, left, centre = _acceleration_of_hull(problem, later, segment, angle, rate)
+    due = min(towards * own, linear)
     short = due - towards * acceleration
     # waves accelerate the craft by about as much as they move it in a period
     others = max(left, 1.0) * np.hypot(std, stiffness * noise.angle)
-    chance = THREE_STD * np.sqrt(effects @ covariance @ effects + others**2)
+    chance = THREE_STD * np.hypot(own_std, others)
     # a hull may be softer at angles that it does not reach later, but then its acceleration does not grow on the way
+    early, late = (_look(motion, begin, part, period, noise) for part in ((0.0, 0.5), (0.5, 1.0)))
     growth, doubt = (late[0] - early[0], np.hypot(late[1], early[1])) if early and late else (np.zeros(3), np.ones(3))
     is_growing = towards * growth[2] > THREE_STD * doubt[2]
-    unknown = 0.0 if is_growing else 1.0 - np.abs(later.primary - state.trim).max() / abs(trim - angle)
+    unknown = 0.0 if is_growing else 1.0 - np.abs(later.primary - centre).max() / abs(trim - angle)
     return bool(short > (1.0 - PROMPT + max(unknown, 0.0)) * due and short > chance)
+
+
+def _acceleration_of_hull(problem: Problem, motion: AxisMotion, segment: DecaySegment, angle: float, rate: float):
+    """At an angle and rate, of the general hull fitted to a motion: the acceleration, its standard deviation, what the
+    fit leaves over the noise, and its trim.
+    """
+    fit, terms = motion_fit(problem, GENERAL_HULL, [motion]), GENERAL_HULL.indices
+    ratios = np.zeros(len(LOWER))
+    ratios[AT.r1] = (2.0 * np.pi / segment.period) ** 2
+    start = fit.pack(ratios, [_initial_state(motion, segment, problem.noise)])
+    parameters, left = fit.refine(start, LOWER[terms], UPPER[terms], STARTING_TOLERANCE)
+    covariance = sandwich_covariance(*fit.residuals_and_jacobian(parameters), SEARCH_STEPS_PER_PERIOD // 4).matrix
+    _, (state,) = fit.unpack(parameters)
+    effects = -term_moments(angle - state.trim, rate, problem.friction_rate)[terms] * problem.scales.ratio_units[terms]
+    effects = np.r_[effects, np.zeros(parameters.size - terms.size)]
+    return float(effects @ parameters), float(np.sqrt(effects @ covariance @ effects)), left, state.trim
 
 
 def _look(motion: AxisMotion, since: float, part: tuple[float, float], period: float, noise: Noise):

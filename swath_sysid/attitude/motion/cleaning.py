@@ -27,7 +27,7 @@ SPIKES = (
     ([[-0.3, 1.0, 0.5, -0.2], [-0.2, 0.5, 1.0, -0.3]], (4.0, 4.0, 4.0)),
 )
 RESOLVED = 6.0  #: Of the smallest steps: a sensor at rest goes to and fro by its resolution.
-TO_AND_FRO = 0.3  #: Correlation of steps that are no motion's.
+TO_AND_FRO = 0.3  #: Correlation of steps from which they are those between two sensors.
 SHARED_STAMPS = 0.1  #: Share of the rows with a repeated stamp from which the stamps may be rounded.
 
 Channels = dict[str, np.ndarray]

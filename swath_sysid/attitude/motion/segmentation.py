@@ -241,10 +241,10 @@ def _together(possible: Sequence[DecayCandidate], free: Sequence[DecayCandidate]
 
 def _rhythmic_part(candidate: DecayCandidate) -> DecayCandidate:
     """Of a candidate without a rhythm, what follows a half-cycle of the hand that lets go, or the first half-cycle."""
-    later = replace(candidate, first=min(candidate.first + 1, candidate.last - 1))
-    is_sizable = later.double_amplitudes[0] >= SIZABLE * candidate.double_amplitudes[0]
     if _is_rhythmic(candidate):
         return candidate
+    later = replace(candidate, first=min(candidate.first + 1, candidate.last - 1))
+    is_sizable = later.double_amplitudes[0] >= SIZABLE * candidate.double_amplitudes[0]
     return later if is_sizable and later.is_evident(EVIDENT) and _is_rhythmic(later) else candidate.first_half
 
 

@@ -20,10 +20,10 @@ def about_sensor(axis: str, installation: Installation | None) -> str:
     return f'about the {"xy"[AXES.index(axis)]} axis of the sensor, whose mounting is not stated'
 
 
-def axis_in_words(axis: str, installation: Installation | None) -> str:
-    """An axis; where the mounting of its sensor is not stated, with the axis of the sensor that it is about."""
+def axis_in_words(axis: str, installation: Installation | None, name: str = '') -> str:
+    """An axis, or its name; where the mounting of its sensor is not stated, with the axis of the sensor it is about."""
     about = about_sensor(axis, installation)
-    return f'{axis} ({about})' if about else axis
+    return f'{name or axis} ({about})' if about else name or axis
 
 
 #: What an IMU measures of roll and pitch: the columns of a published window, in this order.

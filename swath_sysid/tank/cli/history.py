@@ -13,7 +13,7 @@ from swath_sysid.attitude.identification.identify import identify_problem
 from swath_sysid.attitude.identification.problem import decays_or_waves
 from swath_sysid.attitude.identification.result import IdentificationSettings
 from swath_sysid.attitude.motion.sensor_checks import TILT_CODES, refuse_contradictions
-from swath_sysid.attitude.motion.trial import Trial, about_sensor
+from swath_sysid.attitude.motion.trial import Trial, axis_in_words
 from swath_sysid.cli.identify import check_positive
 from swath_sysid.cli.progress import print_result, show_advice
 from swath_sysid.cli.sources import columns_of, read_record, without_copies
@@ -63,8 +63,7 @@ def _followed(arguments: Namespace) -> int:
     entries, amplitude = entries_of(log)
     found = changes_in(entries)
     table = history_table(entries, found, amplitude, arguments.gm)
-    about = next(filter(None, (each['about'] for each in sensors)), '')
-    axis = f'{arguments.axis} ({about})' if about else arguments.axis
+    axis = next((each['axis'] for each in sensors if each['axis'] != arguments.axis), arguments.axis)
     said = history_sentences(entries, found, axis, arguments.gm)
     show_advice(dict.fromkeys(Advice(*each) for sensor in sensors for each in sensor['tilts']))
     with page_style():
@@ -143,7 +142,7 @@ def hull_of(trial: Trial, axis: str, began: float | None) -> list:
     """
     refuse_contradictions(trial, axis)
     tilts = [(each.code, each.message) for each in trial.advice if each.code in TILT_CODES]
-    sensor = {'about': about_sensor(axis, trial.installation), 'tilts': tilts}
+    sensor = {'axis': axis_in_words(axis, trial.installation), 'tilts': tilts}
     problem = decays_or_waves([trial.axis(axis)])
     if problem is None:
         sea = identify_seas([SeaRecord.of(trial, axis)])

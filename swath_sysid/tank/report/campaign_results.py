@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from swath_sysid.attitude.identification.result import Identification
-from swath_sysid.attitude.motion.trial import about_sensor
+from swath_sysid.attitude.motion.trial import axis_in_words
 from swath_sysid.common.advice import counted
 from swath_sysid.common.conventions import digits
 from swath_sysid.report.tables import Table
@@ -152,8 +152,7 @@ def conclusion_of(outcome: CampaignOutcome) -> list[str]:
 
 def place_of(outcome: CampaignOutcome, result: DraftResult) -> str:
     """Axis and draft in words."""
-    about = about_sensor(result.axis.motion, result.axis.records[0].motion.installation)
-    axis = f'{result.axis.axis} ({about})' if about else result.axis.axis
+    axis = axis_in_words(result.axis.motion, result.axis.records[0].motion.installation, result.axis.axis)
     return f'{axis}, {loading_in_words(outcome.quantity, result.loading)}'
 
 
